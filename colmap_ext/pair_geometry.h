@@ -1,0 +1,66 @@
+// The depth-aware geometry of an image pair: what the two-view stage
+// estimates, the database keeps and the view graph filters.
+
+#pragma once
+
+#include "colmap_ext/rigid3.h"
+
+#include <colmap/feature/types.h>
+#include <colmap/util/types.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+// Why a pair takes part in the reconstruction (VALID) or has left it. The
+// numbers are stored in databases: append, never renumber.
+enum class PairStatus : int {
+  VALID = 0,
+  TOO_FEW_MATCHES = 1,  // fewer matches than a hypothesis needs to prove
+  NO_GEOMETRY = 2,      // no relative pose found
+  TOO_FEW_INLIERS = 3,
+  LOW_INLIER_RATIO = 4,
+  SCALE_OUT_OF_RANGE = 5,  // depth-scale ratio implausible
+  DEPTH_INCONSISTENT = 6,  // too few matches agree with the depth maps
+  LOW_PAIR_SCORE = 7,      // imported score (Doppelgangers++)
+  LOW_TRIPLET_SUPPORT = 8,
+  ROTATION_OUTLIER = 9,
+  SCALE_OUTLIER = 10,
+  SMALL_COMPONENT = 11,
+};
+
+// Name as in logs and report.json, e.g. "too_few_inliers".
+std::string PairStatusName(PairStatus status);
+
+struct PairGeometry {
+  PairStatus status = PairStatus::NO_GEOMETRY;
+  // Pose of image 2 relative to image 1. With has_scale the translation is in
+  // units of depth map 1, otherwise of unit length (or zero if unknown).
+  Rigid3d cam2_from_cam1;
+  // Whether depth fixes the length of the translation and scale_1_from_2.
+  bool has_scale = false;
+  // Multiplies depths of map 2 to give units of map 1: s_2 / s_1 (paper: s_12).
+  double scale_1_from_2 = 1;
+  // Focal lengths [px] used or estimated by the pair; 0 if none.
+  double focal_length1_px = 0;
+  double focal_length2_px = 0;
+  // Whether the pair itself estimated the focal length, i.e. it is evidence.
+  bool estimated_focal1 = false;
+  bool estimated_focal2 = false;
+  // Matches put into the estimation.
+  size_t num_matches = 0;
+  // Matches that agree with the relative pose, and (same length) whether both
+  // depth maps agree as well: 1 yes, 0 not tested because depth is missing.
+  // Matches that contradict the depth maps are not listed.
+  colmap::FeatureMatches inlier_matches;
+  std::vector<uint8_t> depth_verified;
+
+  // The same pair seen from image 2: R^T, -R^T t / s, 1 / s, points swapped.
+  PairGeometry Inverse() const;
+};
+
+}  // namespace dgsfm

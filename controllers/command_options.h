@@ -1,0 +1,42 @@
+// Options of a command: bound in one place, shown by --help with default and
+// unit, read from a project file and written back to one.
+
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace dgsfm {
+
+class CommandOptions {
+ public:
+  // `command` as typed by the user, `summary` one sentence for --help.
+  CommandOptions(const std::string& command, const std::string& summary);
+  ~CommandOptions();
+
+  // Binds an option of type bool, int, double or std::string; the value it
+  // has now is the default. Names are as in COLMAP: "database_path", or
+  // "Group.field". `help` states meaning and unit. Booleans are 0 or 1.
+  template <typename T>
+  void Add(const std::string& name, T* value, const std::string& help);
+  template <typename T>
+  void AddRequired(const std::string& name, T* value, const std::string& help);
+
+  // Reads the command line (argv[0] is the program, the command's own name
+  // already removed) and, if --project_path is given, that file first: the
+  // command line wins. Returns the exit code if the command is over: 0 after
+  // --help, 2 after an unknown option, a missing required one or a value that
+  // does not parse, each with a message on stderr that names it.
+  std::optional<int> Parse(int argc, char** argv);
+
+  // Writes all options with their values as a project file that
+  // --project_path reads. Throws std::runtime_error if it cannot be written.
+  void WriteProject(const std::string& path) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace dgsfm

@@ -1,0 +1,33 @@
+// The commands of the executable. Each takes the arguments after its own name
+// (argv[0] is the program), writes its result to stdout, its log to stderr,
+// and returns 0 on success, 1 on failure, 2 on wrong usage. RunCommand adds
+// the translation of exceptions to message and exit code.
+
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+int RunDepthImporter(int argc, char** argv);
+int RunDepthGeometricVerifier(int argc, char** argv);
+int RunDepthGlobalMapper(int argc, char** argv);
+int RunModelEvaluator(int argc, char** argv);
+int RunModelRenderer(int argc, char** argv);
+int RunDepthSceneSynthesizer(int argc, char** argv);
+
+struct Command {
+  std::string name;
+  std::string summary;
+  int (*run)(int argc, char** argv);
+};
+
+// All of the above, in the order of the help text.
+const std::vector<Command>& Commands();
+
+// Runs a command and turns its exceptions into "ERROR: ..." on stderr and
+// exit code 1.
+int RunCommand(const Command& command, int argc, char** argv);
+
+}  // namespace dgsfm

@@ -1,0 +1,40 @@
+// Which matches of a pair the depth maps confirm (DGSfM Sec. 3.2, "Scaled
+// Depth Consistency Filtering").
+
+#pragma once
+
+#include "colmap_ext/rigid3.h"
+#include "estimators/two_view_geometry_depth.h"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+struct DepthConsistencyOptions {
+  // Paper: tau_pi [px] and tau_d [1, relative depth error].
+  double max_reprojection_error_px = 12.0;
+  double max_depth_error_ratio = 0.3;
+
+  bool IsValid(std::string* error) const;
+};
+
+enum class DepthVerdict : uint8_t {
+  INCONSISTENT = 0,  // fails a test in at least one direction
+  CONSISTENT = 1,    // passes both tests in both directions
+  UNTESTED = 2,      // a depth is unknown
+};
+
+// Transfers each match from image 1 to 2 and back with its depth (z-depth),
+// and compares position and depth with the matched ones; a point that lands
+// behind the other camera is inconsistent.
+std::vector<DepthVerdict> CheckDepthConsistency(
+    const DepthMatches& matches,
+    const Rigid3d& cam2_from_cam1,
+    double scale_1_from_2,
+    double focal_length1_px,
+    double focal_length2_px,
+    const DepthConsistencyOptions& options);
+
+}  // namespace dgsfm

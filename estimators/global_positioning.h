@@ -1,0 +1,53 @@
+// Camera centres and points from rotations and viewing rays, from a metric
+// start (DGSfM Eq. 12; BATA residual of Zhuang 2018 as in GLOMAP).
+
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+struct PositioningObservation {
+  int camera = 0;
+  int point = 0;
+  // Unit viewing ray in the world frame: R_i^T u.
+  Eigen::Vector3d ray_in_world = Eigen::Vector3d::UnitZ();
+  // Weight of the squared residual [1].
+  double weight = 1;
+};
+
+struct GlobalPositioningOptions {
+  int max_num_iterations = 100;
+  // Huber threshold on the norm of the residual, the sine of the angle
+  // between ray and point direction [1].
+  double loss_scale = 0.1;
+  double function_tolerance = 1e-5;
+  int num_threads = 1;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct GlobalPositioningSummary {
+  bool success = false;
+  int num_iterations = 0;
+  double initial_cost = 0;
+  double final_cost = 0;
+  std::string message;
+};
+
+// Minimises sum w rho(min_alpha |d - alpha (X - c)|^2), alpha >= 0, over the
+// centres c and points X: the scale alpha of each observation is eliminated
+// in closed form. Gauge: centre of fixed_camera constant; the scale is held by
+// the start's damping and restored afterwards to the start's median distance
+// between cameras and their points.
+GlobalPositioningSummary SolveGlobalPositioning(
+    const std::vector<PositioningObservation>& observations,
+    int fixed_camera,
+    const GlobalPositioningOptions& options,
+    std::vector<Eigen::Vector3d>* centers,
+    std::vector<Eigen::Vector3d>* points);
+
+}  // namespace dgsfm

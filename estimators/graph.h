@@ -1,0 +1,47 @@
+// Graph algorithms on integer nodes 0..N-1, deterministic in the order of the
+// given edges.
+
+#pragma once
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+namespace dgsfm {
+
+using GraphEdge = std::pair<int, int>;
+
+// Component index of each node; components are numbered by decreasing size,
+// ties by their smallest node.
+std::vector<int> ConnectedComponents(int num_nodes,
+                                     const std::vector<GraphEdge>& edges);
+
+// A spanning tree rooted at `root`, over the nodes reachable from it.
+struct SpanningTree {
+  int root = -1;
+  // Per node: parent (-1 at the root and for unreachable nodes) and the index
+  // of the edge to it.
+  std::vector<int> parents;
+  std::vector<int> parent_edges;
+  // Reachable nodes from the root on, parents before children.
+  std::vector<int> order;
+};
+
+// Maximum spanning tree (Kruskal; equal weights: the earlier edge wins).
+SpanningTree MaximumSpanningTree(int num_nodes,
+                                 const std::vector<GraphEdge>& edges,
+                                 const std::vector<double>& weights,
+                                 int root);
+
+// Triplet support of each edge (Manam 2024; DGSfM Eq. 2 and 3): the mean over
+// the triangles with this edge of n_edge / max n of the triangle's edges; -1
+// for edges in no triangle. Triangles are streamed, never listed.
+std::vector<double> TripletSupport(int num_nodes,
+                                   const std::vector<GraphEdge>& edges,
+                                   const std::vector<double>& counts);
+
+// Bridges: edges whose removal disconnects their component.
+std::vector<char> FindBridges(int num_nodes,
+                              const std::vector<GraphEdge>& edges);
+
+}  // namespace dgsfm

@@ -1,0 +1,110 @@
+// Relative pose of an image pair from matches with monocular depth.
+//
+// Model (RePoseD, Ding 2025; DGSfM Eq. 1): a match (x1, x2) [px relative to
+// the principal point] with z-depths d1, d2 satisfies
+//   s d2 K2^-1 x2 = R (d1 K1^-1 x1) + t,   K = diag(f, f, 1),
+// gauge: depth map 1 has scale 1, so t is in units of depth map 1 and s
+// (scale_1_from_2) turns units of map 2 into units of map 1.
+
+#pragma once
+
+#include "colmap_ext/rigid3.h"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+// What is known of the two focal lengths.
+enum class FocalCase {
+  KNOWN,       // both: calibrated
+  SHARED,      // unknown, the same in both images
+  TWO,         // unknown, one each
+  ONE_SIDED1,  // that of image 1 is known, that of image 2 is not
+  ONE_SIDED2,  // that of image 2 is known, that of image 1 is not
+};
+
+// Matches of a pair, all arrays of the same length.
+struct DepthMatches {
+  // Undistorted image points relative to the principal point [px]: with a
+  // known focal length (x, y) = f * (X, Y) / Z of the camera, otherwise pixels
+  // minus the image centre.
+  std::vector<Eigen::Vector2d> points1;
+  std::vector<Eigen::Vector2d> points2;
+  // z-depth at the points [unit of each map]; 0 = unknown.
+  std::vector<double> depths1;
+  std::vector<double> depths2;
+};
+
+struct TwoViewDepthOptions {
+  // Sampson error below which a match is an inlier [px].
+  double max_epipolar_error_px = 1.0;
+  // Reprojection error that weighs as much as max_epipolar_error_px in the
+  // hybrid refinement of the paper [px].
+  double max_reprojection_error_px = 16.0;
+  // Trials of the robust estimation.
+  int min_num_trials = 100;
+  int max_num_trials = 1000;
+  // Probability that no better model is left when trials stop early [1].
+  double confidence = 0.9999;
+  // Range of plausible focal lengths, as multiples of the larger image side.
+  double min_focal_length_ratio = 0.3;
+  double max_focal_length_ratio = 4.0;
+  // Fewer matches with depth than this leave the depth-free estimators alone.
+  int min_num_depth_matches = 15;
+  // The published estimator (Sampson 1 px, reprojection 16 px, 1000 trials,
+  // hybrid refinement with a fixed weight) instead of the refinement whitened
+  // by the pair's own depth noise.
+  bool paper = false;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct TwoViewDepthInput {
+  DepthMatches matches;
+  FocalCase focal_case = FocalCase::TWO;
+  // Known focal lengths, or guesses where unknown (e.g. the depth network's
+  // or 1.2 x the larger side) [px]. All positive.
+  double focal_length1_px = 0;
+  double focal_length2_px = 0;
+  // Larger image sides, for the plausible range of focal lengths [px].
+  double image_size1_px = 0;
+  double image_size2_px = 0;
+  // Seed of the pair's private random stream: derive it from the pair id.
+  uint64_t seed = 0;
+};
+
+struct TwoViewDepthResult {
+  bool success = false;
+  // Translation in units of depth map 1 if has_scale, else of unit length.
+  Rigid3d cam2_from_cam1;
+  bool has_scale = false;
+  double scale_1_from_2 = 1;
+  double focal_length1_px = 0;
+  double focal_length2_px = 0;
+  // Whether the focal lengths are evidence: estimated, plausible, identifiable.
+  bool estimated_focal1 = false;
+  bool estimated_focal2 = false;
+  // Per match: Sampson inlier in front of both cameras.
+  std::vector<uint8_t> inlier_mask;
+  int num_inliers = 0;
+  int num_trials = 0;
+  // Noise of log depth between the two maps over inliers [1], 0 if unknown.
+  double depth_noise = 0;
+  // Median angle between the two viewing rays of inliers [deg].
+  double median_triangulation_angle_deg = 0;
+  // Won by an estimator that uses no depth; the scale, if any, was attached
+  // afterwards from triangulated depths.
+  bool used_depth_free_estimator = false;
+};
+
+// Deterministic for a given input; no global state. O(trials * matches).
+// Throws std::invalid_argument on arrays of unequal length, non-finite points,
+// or invalid options.
+TwoViewDepthResult EstimateTwoViewGeometryWithDepth(
+    const TwoViewDepthInput& input, const TwoViewDepthOptions& options);
+
+}  // namespace dgsfm
