@@ -15,9 +15,9 @@ struct Rigid3d {
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 
   Rigid3d() = default;
-  Rigid3d(const Eigen::Quaterniond& rotation,
-          const Eigen::Vector3d& translation)
-      : rotation(rotation), translation(translation) {}
+  Rigid3d(const Eigen::Quaterniond& b_from_a_rotation,
+          const Eigen::Vector3d& b_from_a_translation)
+      : rotation(b_from_a_rotation), translation(b_from_a_translation) {}
 
   Rigid3d Inverse() const {
     const Eigen::Quaterniond inverse_rotation = rotation.conjugate();
