@@ -15,6 +15,10 @@ namespace dgsfm {
 // networks). RELATIVE: an unknown factor per image.
 enum class DepthUnit { METRIC = 0, RELATIVE = 1 };
 
+// Largest width and height of a depth map: bounds what a damaged file or
+// database can make us allocate.
+constexpr int kMaxDepthMapSize = 16384;
+
 // Dense z-depth (third coordinate in the camera frame, not the length of the
 // ray), height x width, row-major. Unknown depth is 0; every other value is
 // finite and positive. The map covers the whole image, at any resolution:
@@ -44,19 +48,26 @@ struct DepthSamplingOptions {
   bool IsValid(std::string* error) const;
 };
 
-// Depth at each key point [px of a image_width x image_height image], bilinear
-// in log depth over the known ones of the four neighbours; 0 where unknown
-// (outside the image, no known neighbour).
+// Depth at each point [px of a image_width x image_height image], bilinear in
+// log depth over the known ones of the four neighbours, the border pixels
+// extended to the border of the image; 0 where unknown (point outside the
+// image or not finite, no known neighbour of positive weight).
 std::vector<float> SampleDepth(const DepthMap& depth_map,
                                const std::vector<Eigen::Vector2d>& points,
                                int image_width,
                                int image_height,
                                const DepthSamplingOptions& options);
 
-// Half-precision floats, row-major, zlib-compressed; the inverse throws
-// std::runtime_error if the blob is damaged or not width * height values.
-// Values beyond half range saturate at 65504 on packing.
+// Packs the values as half-precision floats; the unit is stored elsewhere.
+// Before zlib, per value in row-major order: its 16 bits as an unsigned number
+// minus those of the value before it (0 before the first) modulo 2^16, taken
+// as a signed number d and mapped to code = 2 d (d >= 0) or -2 d - 1 (d < 0);
+// then the low bytes of all codes followed by their high bytes. Depth beyond
+// half range saturates at 65504, depth below it at 2^-24, so that known depth
+// stays known.
 std::vector<uint8_t> CompressDepth(const DepthMap& depth_map);
+// Throws std::runtime_error if the blob is damaged or not width x height
+// values.
 DepthMap DecompressDepth(const std::vector<uint8_t>& blob,
                          int width,
                          int height,
