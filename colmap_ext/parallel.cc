@@ -1,0 +1,46 @@
+#include "colmap_ext/parallel.h"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace dgsfm {
+
+int EffectiveNumThreads(int num_threads) {
+  if (num_threads > 0) return num_threads;
+  return std::max(1u, std::thread::hardware_concurrency());
+}
+
+void ParallelFor(size_t count,
+                 int num_threads,
+                 const std::function<void(size_t)>& function) {
+  const size_t num_workers =
+      std::min<size_t>(EffectiveNumThreads(num_threads), count);
+  if (num_workers <= 1) {
+    for (size_t i = 0; i < count; ++i) function(i);
+    return;
+  }
+  std::atomic<size_t> next(0);
+  std::exception_ptr error;
+  std::mutex error_mutex;
+  const auto work = [&]() {
+    for (size_t i = next++; i < count; i = next++) {
+      try {
+        function(i);
+      } catch (...) {
+        const std::lock_guard<std::mutex> lock(error_mutex);
+        if (!error) error = std::current_exception();
+        next = count;
+      }
+    }
+  };
+  std::vector<std::thread> workers;
+  for (size_t i = 0; i < num_workers; ++i) workers.emplace_back(work);
+  for (std::thread& worker : workers) worker.join();
+  if (error) std::rethrow_exception(error);
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,219 @@
+#include "sfm/pair_verification.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/parallel.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace dgsfm {
+
+namespace {
+
+// Mixes the pair id with the user's seed (splitmix64 finaliser), so that the
+// result of a pair depends on neither threads nor other pairs.
+uint64_t PairSeed(colmap::image_pair_t pair_id, int random_seed) {
+  uint64_t x = pair_id + 0x9E3779B97F4A7C15ull * (1 + uint64_t(random_seed));
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ull;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBull;
+  return x ^ (x >> 31);
+}
+
+// Image point as the two-view estimator wants it: undistorted if the camera
+// is known, otherwise relative to the principal point.
+Eigen::Vector2d CenteredPoint(const colmap::Camera& camera,
+                              const Eigen::Vector2d& xy_px) {
+  if (camera.HasPriorFocalLength()) {
+    return camera.MeanFocalLength() * camera.ImageToWorld(xy_px);
+  }
+  return xy_px -
+         Eigen::Vector2d(camera.PrincipalPointX(), camera.PrincipalPointY());
+}
+
+double KeypointDepth(const KeypointDepthMap& depths,
+                     colmap::image_t image_id,
+                     colmap::point2D_t point2D_idx) {
+  const auto it = depths.find(image_id);
+  if (it == depths.end()) return 0;
+  return it->second.depths.at(point2D_idx);
+}
+
+DepthMatches CollectMatches(const colmap::Image& image1,
+                            const colmap::Image& image2,
+                            const colmap::Camera& camera1,
+                            const colmap::Camera& camera2,
+                            const KeypointDepthMap& depths,
+                            const colmap::FeatureMatches& matches) {
+  DepthMatches result;
+  for (const colmap::FeatureMatch& match : matches) {
+    result.points1.push_back(
+        CenteredPoint(camera1, image1.Point2D(match.point2D_idx1).XY()));
+    result.points2.push_back(
+        CenteredPoint(camera2, image2.Point2D(match.point2D_idx2).XY()));
+    result.depths1.push_back(
+        KeypointDepth(depths, image1.ImageId(), match.point2D_idx1));
+    result.depths2.push_back(
+        KeypointDepth(depths, image2.ImageId(), match.point2D_idx2));
+  }
+  return result;
+}
+
+FocalCase FocalCaseOfPair(const colmap::Camera& camera1,
+                          const colmap::Camera& camera2) {
+  const bool known1 = camera1.HasPriorFocalLength();
+  const bool known2 = camera2.HasPriorFocalLength();
+  if (known1 && known2) return FocalCase::KNOWN;
+  if (camera1.CameraId() == camera2.CameraId()) return FocalCase::SHARED;
+  if (known1) return FocalCase::ONE_SIDED1;
+  if (known2) return FocalCase::ONE_SIDED2;
+  return FocalCase::TWO;
+}
+
+// Keeps the inliers that no depth map contradicts.
+void SelectMatches(const TwoViewDepthResult& result,
+                   const DepthMatches& depth_matches,
+                   const colmap::FeatureMatches& matches,
+                   const PairVerificationOptions& options,
+                   PairGeometry* pair) {
+  std::vector<DepthVerdict> verdicts(matches.size(), DepthVerdict::UNTESTED);
+  if (result.has_scale) {
+    verdicts = CheckDepthConsistency(depth_matches,
+                                     result.cam2_from_cam1,
+                                     result.scale_1_from_2,
+                                     result.focal_length1_px,
+                                     result.focal_length2_px,
+                                     options.depth_consistency);
+  }
+  for (size_t i = 0; i < matches.size(); ++i) {
+    if (!result.inlier_mask[i]) continue;
+    if (options.filter_depth && verdicts[i] == DepthVerdict::INCONSISTENT) {
+      continue;
+    }
+    pair->inlier_matches.push_back(matches[i]);
+    pair->depth_verified.push_back(verdicts[i] == DepthVerdict::CONSISTENT);
+  }
+}
+
+PairStatus JudgePair(const PairGeometry& pair,
+                     int num_epipolar_inliers,
+                     const PairVerificationOptions& options) {
+  const double min_num_inliers =
+      std::max<double>(options.min_num_inliers,
+                       options.min_inlier_ratio * double(pair.num_matches));
+  if (num_epipolar_inliers < options.min_num_inliers) {
+    return PairStatus::TOO_FEW_INLIERS;
+  }
+  if (num_epipolar_inliers < min_num_inliers) {
+    return PairStatus::LOW_INLIER_RATIO;
+  }
+  if (pair.has_scale && std::abs(std::log(pair.scale_1_from_2)) >
+                            std::log(options.max_scale_ratio)) {
+    return PairStatus::SCALE_OUT_OF_RANGE;
+  }
+  if (pair.inlier_matches.size() < min_num_inliers) {
+    return PairStatus::DEPTH_INCONSISTENT;
+  }
+  return PairStatus::VALID;
+}
+
+}  // namespace
+
+bool PairVerificationOptions::IsValid(std::string* error) const {
+  if (!two_view.IsValid(error) || !depth_consistency.IsValid(error)) {
+    return false;
+  }
+  if (min_num_inliers < 5) {
+    *error = "min_num_inliers = " + std::to_string(min_num_inliers) +
+             " must be at least 5";
+    return false;
+  }
+  if (!(min_inlier_ratio >= 0 && min_inlier_ratio <= 1)) {
+    *error = "min_inlier_ratio = " + std::to_string(min_inlier_ratio) +
+             " must be in [0, 1]";
+    return false;
+  }
+  if (!(max_scale_ratio > 1)) {
+    *error = "max_scale_ratio = " + std::to_string(max_scale_ratio) +
+             " must be above 1";
+    return false;
+  }
+  return true;
+}
+
+PairGeometry VerifyPair(const Scene& scene,
+                        const KeypointDepthMap& depths,
+                        colmap::image_pair_t pair_id,
+                        const colmap::FeatureMatches& matches,
+                        const PairVerificationOptions& options) {
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  const colmap::Image& image1 = scene.images.at(image_id1);
+  const colmap::Image& image2 = scene.images.at(image_id2);
+  const colmap::Camera& camera1 = scene.cameras.at(image1.CameraId());
+  const colmap::Camera& camera2 = scene.cameras.at(image2.CameraId());
+
+  PairGeometry pair;
+  pair.num_matches = matches.size();
+  if (matches.size() < size_t(options.min_num_inliers)) {
+    pair.status = PairStatus::TOO_FEW_MATCHES;
+    return pair;
+  }
+
+  TwoViewDepthInput input;
+  input.matches =
+      CollectMatches(image1, image2, camera1, camera2, depths, matches);
+  input.focal_case = FocalCaseOfPair(camera1, camera2);
+  input.focal_length1_px = camera1.MeanFocalLength();
+  input.focal_length2_px = camera2.MeanFocalLength();
+  input.image_size1_px = double(std::max(camera1.Width(), camera1.Height()));
+  input.image_size2_px = double(std::max(camera2.Width(), camera2.Height()));
+  input.seed = PairSeed(pair_id, options.random_seed);
+  const TwoViewDepthResult result =
+      EstimateTwoViewGeometryWithDepth(input, options.two_view);
+  if (!result.success) {
+    pair.status = PairStatus::NO_GEOMETRY;
+    return pair;
+  }
+
+  pair.cam2_from_cam1 = result.cam2_from_cam1;
+  pair.has_scale = result.has_scale;
+  pair.scale_1_from_2 = result.scale_1_from_2;
+  pair.focal_length1_px = result.focal_length1_px;
+  pair.focal_length2_px = result.focal_length2_px;
+  pair.estimated_focal1 = result.estimated_focal1;
+  pair.estimated_focal2 = result.estimated_focal2;
+  SelectMatches(result, input.matches, matches, options, &pair);
+  pair.status = JudgePair(pair, result.num_inliers, options);
+  return pair;
+}
+
+PairGeometries VerifyPairs(const Scene& scene,
+                           const KeypointDepthMap& depths,
+                           const PairVerificationOptions& options,
+                           const std::function<void()>& on_pair_done) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+
+  struct Item {
+    colmap::image_pair_t pair_id;
+    const colmap::FeatureMatches* matches;
+    PairGeometry* result;
+  };
+  PairGeometries pairs;
+  std::vector<Item> items;
+  for (const auto& [pair_id, matches] : scene.matches) {
+    items.push_back({pair_id, &matches, &pairs[pair_id]});
+  }
+  std::stable_sort(
+      items.begin(), items.end(), [](const Item& a, const Item& b) {
+        return a.matches->size() > b.matches->size();
+      });
+  ParallelFor(items.size(), options.num_threads, [&](size_t i) {
+    const Item& item = items[i];
+    *item.result =
+        VerifyPair(scene, depths, item.pair_id, *item.matches, options);
+    if (on_pair_done) on_pair_done();
+  });
+  return pairs;
+}
+
+}  // namespace dgsfm

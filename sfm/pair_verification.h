@@ -1,0 +1,57 @@
+// Estimates and verifies the depth-aware geometry of image pairs.
+
+#pragma once
+
+#include "colmap_ext/depth_database.h"
+#include "colmap_ext/pair_geometry.h"
+#include "colmap_ext/scene_database.h"
+#include "estimators/depth_consistency.h"
+#include "estimators/two_view_geometry_depth.h"
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+using KeypointDepthMap = std::map<colmap::image_t, KeypointDepths>;
+using PairGeometries = std::map<colmap::image_pair_t, PairGeometry>;
+
+struct PairVerificationOptions {
+  TwoViewDepthOptions two_view;
+  DepthConsistencyOptions depth_consistency;
+  // Whether matches that contradict the depth maps are removed.
+  bool filter_depth = true;
+  // A pair needs this many matches that agree with its pose, and this share of
+  // its matches (paper: 15 and 0.25) [1].
+  int min_num_inliers = 15;
+  double min_inlier_ratio = 0.25;
+  // Depth-scale ratios beyond this factor, either way, are implausible.
+  double max_scale_ratio = 10.0;
+  // Mixed into the seed of every pair.
+  int random_seed = 0;
+  // Threads over pairs; -1 = all cores. Results do not depend on it.
+  int num_threads = -1;
+
+  bool IsValid(std::string* error) const;
+};
+
+// Verifies one pair. `matches` refer to key points of the images in this
+// order. The focal length of a camera counts as known if the camera has a
+// prior focal length. Images without an entry in `depths` have no depth.
+PairGeometry VerifyPair(const Scene& scene,
+                        const KeypointDepthMap& depths,
+                        colmap::image_pair_t pair_id,
+                        const colmap::FeatureMatches& matches,
+                        const PairVerificationOptions& options);
+
+// Verifies all pairs of scene.matches with at least min_num_inliers matches,
+// longest first; pairs with fewer are listed as TOO_FEW_MATCHES.
+// `on_pair_done`, if given, is called after each pair from its thread.
+PairGeometries VerifyPairs(const Scene& scene,
+                           const KeypointDepthMap& depths,
+                           const PairVerificationOptions& options,
+                           const std::function<void()>& on_pair_done = {});
+
+}  // namespace dgsfm
