@@ -1,9 +1,9 @@
 // Runs the tests with COLMAP's random numbers reseeded before each of them.
 
+#include <colmap/util/random.h>
+
 #include <glog/logging.h>
 #include <gtest/gtest.h>
-
-#include <colmap/util/random.h>
 
 namespace {
 
