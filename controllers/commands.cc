@@ -1,0 +1,25 @@
+#include "controllers/commands.h"
+
+#include <exception>
+#include <iostream>
+#include <new>
+
+namespace dgsfm {
+
+const std::vector<Command>& Commands() {
+  static const std::vector<Command> commands = {};
+  return commands;
+}
+
+int RunCommand(const Command& command, int argc, char** argv) {
+  try {
+    return command.run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::cerr << "ERROR: out of memory" << std::endl;
+  } catch (const std::exception& error) {
+    std::cerr << "ERROR: " << error.what() << std::endl;
+  }
+  return 1;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,72 @@
+#include "controllers/progress.h"
+
+#include <chrono>
+#include <cstdio>
+#include <mutex>
+
+#include <unistd.h>
+
+namespace dgsfm {
+
+struct Progress::Impl {
+  using Clock = std::chrono::steady_clock;
+
+  std::string label;
+  size_t total;
+  bool is_terminal = isatty(STDERR_FILENO);
+  Clock::time_point start = Clock::now();
+  std::mutex mutex;
+  size_t num_done = 0;
+  // Tenth of a second of the last bar, tenth of the work of the last line.
+  int64_t last_shown = 0;
+
+  double Seconds() const {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  }
+
+  void ShowBar() const {
+    const std::string full(30 * num_done / total, '=');
+    const double seconds_left = Seconds() * (total - num_done) / num_done;
+    std::fprintf(stderr,
+                 "\r%s [%-30s] %zu/%zu, %.0f s left \033[K",
+                 label.c_str(),
+                 full.c_str(),
+                 num_done,
+                 total,
+                 seconds_left);
+  }
+
+  void ShowLine() const {
+    std::fprintf(stderr,
+                 "%s: %zu/%zu, %.1f s\n",
+                 label.c_str(),
+                 num_done,
+                 total,
+                 Seconds());
+  }
+};
+
+Progress::Progress(const std::string& label, size_t total)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->label = label;
+  impl_->total = total;
+}
+
+Progress::~Progress() {
+  if (impl_->is_terminal && impl_->num_done > 0) std::fputc('\n', stderr);
+}
+
+void Progress::Step() {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  if (impl_->num_done >= impl_->total) return;
+  ++impl_->num_done;
+  const bool is_last = impl_->num_done == impl_->total;
+  const int64_t now = impl_->is_terminal
+                          ? static_cast<int64_t>(10 * impl_->Seconds())
+                          : 10 * impl_->num_done / impl_->total;
+  if (now == impl_->last_shown && !is_last) return;
+  impl_->last_shown = now;
+  impl_->is_terminal ? impl_->ShowBar() : impl_->ShowLine();
+}
+
+}  // namespace dgsfm

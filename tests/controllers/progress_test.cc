@@ -1,0 +1,43 @@
+#include "controllers/progress.h"
+
+#include <algorithm>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+// Test output is captured in a file, so these see the plain lines.
+TEST(Progress, PrintsTenLinesFromManyThreads) {
+  testing::internal::CaptureStderr();
+  {
+    Progress progress("Work", 400);
+    std::vector<std::thread> threads;
+    for (int i = 0; i < 4; ++i) {
+      threads.emplace_back([&progress] {
+        for (int j = 0; j < 100; ++j) progress.Step();
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+  }
+  const std::string text = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 10) << text;
+  EXPECT_NE(text.find("Work: 400/400"), std::string::npos) << text;
+}
+
+TEST(Progress, FewAndNoItemsAreFine) {
+  testing::internal::CaptureStderr();
+  {
+    Progress none("None", 0);
+    none.Step();
+    Progress three("Three", 3);
+    for (int i = 0; i < 5; ++i) three.Step();
+  }
+  const std::string text = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3) << text;
+}
+
+}  // namespace
+}  // namespace dgsfm
