@@ -38,11 +38,11 @@ std::string PairStatusName(PairStatus status) {
 PairGeometry PairGeometry::Inverse() const {
   DGSFM_CHECK(scale_1_from_2 > 0) << "scale_1_from_2 = " << scale_1_from_2;
   PairGeometry inverse = *this;
-  inverse.cam2_from_cam1 = cam2_from_cam1.Inverse();
   if (has_scale) {
-    // The gauge moves to the other depth map.
-    inverse.cam2_from_cam1.translation /= scale_1_from_2;
+    inverse.cam2_from_cam1 = InverseScaledPose(cam2_from_cam1, scale_1_from_2);
     inverse.scale_1_from_2 = 1 / scale_1_from_2;
+  } else {
+    inverse.cam2_from_cam1 = cam2_from_cam1.Inverse();
   }
   std::swap(inverse.focal_length1_px, inverse.focal_length2_px);
   std::swap(inverse.estimated_focal1, inverse.estimated_focal2);

@@ -40,6 +40,15 @@ inline Eigen::Vector3d operator*(const Rigid3d& b_from_a,
   return b_from_a.rotation * x_in_a + b_from_a.translation;
 }
 
+// The pose of a pair with scale seen from image 2. The translation changes from
+// units of depth map 1 to units of depth map 2: -R^T t / scale_1_from_2.
+inline Rigid3d InverseScaledPose(const Rigid3d& cam2_from_cam1,
+                                 double scale_1_from_2) {
+  Rigid3d cam1_from_cam2 = cam2_from_cam1.Inverse();
+  cam1_from_cam2.translation /= scale_1_from_2;
+  return cam1_from_cam2;
+}
+
 // COLMAP 3.8 and its databases keep rotations as (w, x, y, z).
 inline Eigen::Vector4d QvecFromRotation(const Eigen::Quaterniond& rotation) {
   return {rotation.w(), rotation.x(), rotation.y(), rotation.z()};

@@ -1,0 +1,126 @@
+#include "sfm/camera_calibration.h"
+
+#include <algorithm>
+
+namespace dgsfm {
+
+namespace {
+
+void SetFocalLength(double focal_length_px, colmap::Camera* camera) {
+  for (const size_t idx : camera->FocalLengthIdxs()) {
+    camera->Params(idx) = focal_length_px;
+  }
+}
+
+// x2^T F x1 = 0 for points relative to the principal points [px].
+Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
+  const Eigen::Vector3d& t = pair.cam2_from_cam1.translation;
+  Eigen::Matrix3d t_cross;
+  t_cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  const Eigen::Vector3d inverse_K1(
+      1 / pair.focal_length1_px, 1 / pair.focal_length1_px, 1);
+  const Eigen::Vector3d inverse_K2(
+      1 / pair.focal_length2_px, 1 / pair.focal_length2_px, 1);
+  const Eigen::Matrix3d F = inverse_K2.asDiagonal() * t_cross *
+                            pair.cam2_from_cam1.rotation.toRotationMatrix() *
+                            inverse_K1.asDiagonal();
+  return F / std::max(F.norm(), 1e-300);
+}
+
+void CalibrateFromFundamentals(
+    const PairGeometries& pairs,
+    const ViewGraphCalibrationOptions& options,
+    Scene* scene,
+    std::map<colmap::camera_t, CameraFocal>* focals) {
+  std::vector<colmap::camera_t> camera_ids;
+  std::vector<double> focal_lengths_px;
+  std::vector<char> known;
+  for (const auto& [camera_id, focal] : *focals) {
+    camera_ids.push_back(camera_id);
+    focal_lengths_px.push_back(focal.focal_length_px);
+    known.push_back(focal.source != FocalSource::DEFAULT);
+  }
+  if (std::all_of(known.begin(), known.end(), [](char k) { return k; })) {
+    return;
+  }
+  const auto index_of = [&](colmap::image_t image_id) {
+    const colmap::camera_t camera_id = scene->images.at(image_id).CameraId();
+    return int(
+        std::lower_bound(camera_ids.begin(), camera_ids.end(), camera_id) -
+        camera_ids.begin());
+  };
+  std::vector<PairFundamental> fundamentals;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID ||
+        pair.cam2_from_cam1.translation.norm() == 0) {
+      continue;
+    }
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    PairFundamental fundamental;
+    fundamental.camera1 = index_of(image_id1);
+    fundamental.camera2 = index_of(image_id2);
+    fundamental.F = FundamentalOfPair(pair);
+    fundamentals.push_back(fundamental);
+  }
+  if (fundamentals.empty()) return;
+  const std::vector<char> estimated =
+      CalibrateViewGraph(fundamentals, known, options, &focal_lengths_px);
+  for (size_t i = 0; i < camera_ids.size(); ++i) {
+    if (known[i] || !estimated[i]) continue;
+    CameraFocal& focal = focals->at(camera_ids[i]);
+    focal.source = FocalSource::VIEW_GRAPH;
+    focal.focal_length_px = focal_lengths_px[i];
+    SetFocalLength(focal_lengths_px[i], &scene->cameras.at(camera_ids[i]));
+  }
+}
+
+}  // namespace
+
+std::string FocalSourceName(FocalSource source) {
+  switch (source) {
+    case FocalSource::PRIOR:
+      return "prior";
+    case FocalSource::PAIRS:
+      return "pairs";
+    case FocalSource::VIEW_GRAPH:
+      return "view_graph";
+    case FocalSource::DEFAULT:
+      return "default";
+  }
+  return "default";
+}
+
+std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
+    const PairGeometries& pairs,
+    const ViewGraphCalibrationOptions& options,
+    Scene* scene) {
+  std::map<colmap::camera_t, std::vector<FocalEstimate>> estimates;
+  const auto collect = [&](colmap::image_t image_id, double focal_length_px) {
+    estimates[scene->images.at(image_id).CameraId()].push_back(
+        {focal_length_px, 1.0});
+  };
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.estimated_focal1) collect(image_id1, pair.focal_length1_px);
+    if (pair.estimated_focal2) collect(image_id2, pair.focal_length2_px);
+  }
+
+  std::map<colmap::camera_t, CameraFocal> focals;
+  for (auto& [camera_id, camera] : scene->cameras) {
+    CameraFocal& focal = focals[camera_id];
+    if (camera.HasPriorFocalLength()) {
+      focal.source = FocalSource::PRIOR;
+    } else if (const auto averaged = AverageFocals(estimates[camera_id])) {
+      focal.source = FocalSource::PAIRS;
+      focal.num_estimates = estimates[camera_id].size();
+      focal.log_spread = averaged->log_spread;
+      SetFocalLength(averaged->focal_length_px, &camera);
+    }
+    focal.focal_length_px = camera.MeanFocalLength();
+  }
+  CalibrateFromFundamentals(pairs, options, scene, &focals);
+  return focals;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,38 @@
+// Focal lengths of the cameras from what the pairs estimated.
+
+#pragma once
+
+#include "estimators/focal_averaging.h"
+#include "sfm/view_graph.h"
+
+#include <map>
+#include <string>
+
+namespace dgsfm {
+
+enum class FocalSource {
+  PRIOR,       // given by the user: untouched
+  PAIRS,       // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
+  VIEW_GRAPH,  // from fundamental matrices, no depth
+  DEFAULT,     // no evidence: the value in the database
+};
+
+std::string FocalSourceName(FocalSource source);
+
+struct CameraFocal {
+  FocalSource source = FocalSource::DEFAULT;
+  double focal_length_px = 0;
+  size_t num_estimates = 0;
+  // Spread of the pair estimates of log focal length [1].
+  double log_spread = 0;
+};
+
+// Sets the focal length of every camera without a prior focal length from the
+// valid pairs: the median over all images of the camera; where the pairs have
+// no estimate, by calibrating the view graph from their fundamental matrices.
+std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
+    const PairGeometries& pairs,
+    const ViewGraphCalibrationOptions& options,
+    Scene* scene);
+
+}  // namespace dgsfm

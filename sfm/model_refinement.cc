@@ -1,0 +1,344 @@
+#include "sfm/model_refinement.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/parallel.h"
+#include "colmap_ext/pose_access.h"
+
+#include <colmap/base/similarity_transform.h>
+#include <colmap/optim/bundle_adjustment.h>
+#include <colmap/sfm/incremental_triangulator.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace dgsfm {
+
+namespace {
+
+// Observations below which the images of a camera cannot carry its intrinsics.
+constexpr size_t kMinNumObservationsPerCamera = 50;
+// Points below which the depth scale of an image is not measured.
+constexpr size_t kMinNumDepthsPerImage = 10;
+// Focal lengths and distortions beyond these are not real cameras (COLMAP's
+// bounds for bogus parameters).
+constexpr double kMinFocalLengthRatio = 0.1;
+constexpr double kMaxFocalLengthRatio = 10.0;
+constexpr double kMaxExtraParam = 1.0;
+
+double Median(std::vector<double> values) {
+  DGSFM_CHECK(!values.empty());
+  std::sort(values.begin(), values.end());
+  const size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half]
+                                : 0.5 * (values[half - 1] + values[half]);
+}
+
+std::vector<colmap::image_t> SortedRegisteredImages(
+    const colmap::Reconstruction& model) {
+  std::vector<colmap::image_t> image_ids = model.RegImageIds();
+  std::sort(image_ids.begin(), image_ids.end());
+  return image_ids;
+}
+
+std::vector<colmap::point3D_t> SortedPoints(
+    const colmap::Reconstruction& model) {
+  std::vector<colmap::point3D_t> point_ids;
+  for (const auto& point : model.Points3D()) point_ids.push_back(point.first);
+  std::sort(point_ids.begin(), point_ids.end());
+  return point_ids;
+}
+
+Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
+                         const colmap::TrackElement& element) {
+  const colmap::Image& image = model.Image(element.image_id);
+  return model.Camera(image.CameraId())
+      .ImageToWorld(image.Point2D(element.point2D_idx).XY())
+      .homogeneous()
+      .normalized();
+}
+
+colmap::image_t FarthestImage(colmap::image_t image_id,
+                              const colmap::Reconstruction& model) {
+  const Eigen::Vector3d center =
+      CamFromWorld(model.Image(image_id)).TargetOriginInSource();
+  colmap::image_t farthest = image_id;
+  double max_distance = 0;
+  for (const colmap::image_t other_id : SortedRegisteredImages(model)) {
+    const double distance =
+        (CamFromWorld(model.Image(other_id)).TargetOriginInSource() - center)
+            .norm();
+    if (distance > max_distance) {
+      max_distance = distance;
+      farthest = other_id;
+    }
+  }
+  return farthest;
+}
+
+colmap::BundleAdjustmentConfig CreateConfig(
+    colmap::image_t fixed_image, const colmap::Reconstruction& model) {
+  colmap::BundleAdjustmentConfig config;
+  std::map<colmap::camera_t, size_t> num_observations;
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
+    config.AddImage(image_id);
+    const colmap::Image& image = model.Image(image_id);
+    num_observations[image.CameraId()] += image.NumPoints3D();
+  }
+  config.SetConstantPose(fixed_image);
+  const colmap::image_t scale_image = FarthestImage(fixed_image, model);
+  if (scale_image != fixed_image) {
+    int coordinate = 0;
+    model.Image(scale_image).Tvec().cwiseAbs().maxCoeff(&coordinate);
+    config.SetConstantTvec(scale_image, {coordinate});
+  }
+  for (const auto& [camera_id, count] : num_observations) {
+    if (count < kMinNumObservationsPerCamera) {
+      config.SetConstantCamera(camera_id);
+    }
+  }
+  return config;
+}
+
+}  // namespace
+
+bool ModelRefinementOptions::IsValid(std::string* error) const {
+  if (!global_positioning.IsValid(error)) return false;
+  const auto check = [error](const char* name, double value, double bound) {
+    if (value >= bound) return true;
+    *error = std::string(name) + " = " + std::to_string(value) +
+             " must be at least " + std::to_string(bound);
+    return false;
+  };
+  return check("max_angular_error_deg", max_angular_error_deg, 1e-6) &&
+         check(
+             "num_bundle_adjustment_rounds", num_bundle_adjustment_rounds, 0) &&
+         check("max_num_bundle_adjustment_iterations",
+               max_num_bundle_adjustment_iterations,
+               1) &&
+         check("max_reprojection_error_px", max_reprojection_error_px, 1e-6) &&
+         check("min_triangulation_angle_deg", min_triangulation_angle_deg, 0) &&
+         check("loss_scale_px", loss_scale_px, 1e-6) &&
+         check("max_completion_error_px", max_completion_error_px, 1e-6) &&
+         check("min_num_points_per_image", min_num_points_per_image, 3);
+}
+
+GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
+                                         colmap::image_t fixed_image,
+                                         colmap::Reconstruction* model) {
+  const ImageIndex index(SortedRegisteredImages(*model));
+  const std::vector<colmap::point3D_t> point_ids = SortedPoints(*model);
+  std::vector<Eigen::Vector3d> centers;
+  for (int i = 0; i < index.Size(); ++i) {
+    centers.push_back(
+        CamFromWorld(model->Image(index.IdOf(i))).TargetOriginInSource());
+  }
+  std::vector<Eigen::Vector3d> points;
+  std::vector<PositioningObservation> observations;
+  for (const colmap::point3D_t point_id : point_ids) {
+    const colmap::Point3D& point = model->Point3D(point_id);
+    for (const colmap::TrackElement& element : point.Track().Elements()) {
+      PositioningObservation observation;
+      observation.camera = index.Of(element.image_id);
+      observation.point = int(points.size());
+      observation.ray_in_world =
+          CamFromWorld(model->Image(element.image_id)).rotation.conjugate() *
+          RayInCam(*model, element);
+      observations.push_back(observation);
+    }
+    points.push_back(point.XYZ());
+  }
+  GlobalPositioningOptions positioning = options.global_positioning;
+  positioning.num_threads = EffectiveNumThreads(options.num_threads);
+  const GlobalPositioningSummary summary = SolveGlobalPositioning(
+      observations, index.Of(fixed_image), positioning, &centers, &points);
+  if (!summary.success) return summary;
+  for (int i = 0; i < index.Size(); ++i) {
+    SetCenterInWorld(centers[i], &model->Image(index.IdOf(i)));
+  }
+  for (size_t i = 0; i < point_ids.size(); ++i) {
+    model->Point3D(point_ids[i]).SetXYZ(points[i]);
+  }
+  return summary;
+}
+
+size_t FilterObservationsByAngle(double max_angle_deg,
+                                 colmap::Reconstruction* model) {
+  const double min_cosine = std::cos(max_angle_deg * M_PI / 180);
+  size_t num_filtered = 0;
+  for (const colmap::point3D_t point_id : SortedPoints(*model)) {
+    const colmap::Point3D& point = model->Point3D(point_id);
+    std::vector<colmap::TrackElement> outliers;
+    for (const colmap::TrackElement& element : point.Track().Elements()) {
+      const Eigen::Vector3d point_in_cam =
+          CamFromWorld(model->Image(element.image_id)) * point.XYZ();
+      if (!(RayInCam(*model, element).dot(point_in_cam) >=
+            min_cosine * point_in_cam.norm())) {
+        outliers.push_back(element);
+      }
+    }
+    num_filtered += outliers.size();
+    if (outliers.size() + 1 >= point.Track().Length()) {
+      model->DeletePoint3D(point_id);
+      continue;
+    }
+    for (const colmap::TrackElement& element : outliers) {
+      model->DeleteObservation(element.image_id, element.point2D_idx);
+    }
+  }
+  return num_filtered;
+}
+
+std::optional<double> AdjustBundle(const ModelRefinementOptions& options,
+                                   colmap::image_t fixed_image,
+                                   colmap::Reconstruction* model) {
+  if (model->NumPoints3D() == 0) return std::nullopt;
+  colmap::BundleAdjustmentOptions adjustment;
+  adjustment.loss_function_type =
+      colmap::BundleAdjustmentOptions::LossFunctionType::SOFT_L1;
+  adjustment.loss_function_scale = options.loss_scale_px;
+  adjustment.refine_focal_length = options.refine_focal_length;
+  adjustment.refine_extra_params = options.refine_extra_params;
+  adjustment.refine_principal_point = options.refine_principal_point;
+  adjustment.print_summary = false;
+  ceres::Solver::Options& solver = adjustment.solver_options;
+  solver.max_num_iterations = options.max_num_bundle_adjustment_iterations;
+  solver.function_tolerance = 1e-6;
+  solver.gradient_tolerance = 1e-10;
+  solver.parameter_tolerance = 1e-8;
+  solver.num_threads = EffectiveNumThreads(options.num_threads);
+  solver.logging_type = ceres::LoggingType::SILENT;
+
+  colmap::BundleAdjuster adjuster(adjustment,
+                                  CreateConfig(fixed_image, *model));
+  if (!adjuster.Solve(model)) return std::nullopt;
+  const ceres::Solver::Summary& summary = adjuster.Summary();
+  if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) {
+    return std::nullopt;
+  }
+  return std::sqrt(2 * summary.final_cost /
+                   std::max(1, summary.num_residuals / 2));
+}
+
+size_t FilterObservations(const ModelRefinementOptions& options,
+                          double error_factor,
+                          colmap::Reconstruction* model) {
+  size_t num_filtered = model->FilterObservationsWithNegativeDepth();
+  num_filtered +=
+      model->FilterAllPoints3D(error_factor * options.max_reprojection_error_px,
+                               options.min_triangulation_angle_deg);
+  return num_filtered;
+}
+
+void BuildCorrespondenceGraph(const PairGeometries& pairs,
+                              const colmap::Reconstruction& model,
+                              colmap::CorrespondenceGraph* graph) {
+  for (const auto& [image_id, image] : model.Images()) {
+    graph->AddImage(image_id, image.NumPoints2D());
+  }
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.status != PairStatus::VALID || !model.ExistsImage(image_id1) ||
+        !model.ExistsImage(image_id2)) {
+      continue;
+    }
+    // COLMAP's graph takes a feature once per pair and complains otherwise.
+    colmap::FeatureMatches matches;
+    std::set<colmap::point2D_t> used1;
+    std::set<colmap::point2D_t> used2;
+    for (const colmap::FeatureMatch& match : pair.inlier_matches) {
+      if (used1.count(match.point2D_idx1) == 0 &&
+          used2.count(match.point2D_idx2) == 0) {
+        used1.insert(match.point2D_idx1);
+        used2.insert(match.point2D_idx2);
+        matches.push_back(match);
+      }
+    }
+    graph->AddCorrespondences(image_id1, image_id2, matches);
+  }
+}
+
+size_t Retriangulate(const ModelRefinementOptions& options,
+                     const colmap::CorrespondenceGraph& graph,
+                     colmap::Reconstruction* model) {
+  colmap::IncrementalTriangulator::Options triangulation;
+  triangulation.complete_max_reproj_error = options.max_completion_error_px;
+  triangulation.merge_max_reproj_error = options.max_completion_error_px;
+  triangulation.min_angle = std::max(options.min_triangulation_angle_deg, 1e-3);
+  colmap::IncrementalTriangulator triangulator(&graph, model);
+  const size_t num_before = model->ComputeNumObservations();
+  for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
+    triangulator.TriangulateImage(triangulation, image_id);
+  }
+  triangulator.CompleteAllTracks(triangulation);
+  triangulator.MergeAllTracks(triangulation);
+  return model->ComputeNumObservations() - num_before;
+}
+
+std::map<colmap::image_t, std::string> FilterImages(
+    const ModelRefinementOptions& options, colmap::Reconstruction* model) {
+  std::map<colmap::image_t, std::string> filtered;
+  for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
+    const colmap::Image& image = model->Image(image_id);
+    if (image.NumPoints3D() < size_t(options.min_num_points_per_image)) {
+      filtered[image_id] = "only " + std::to_string(image.NumPoints3D()) +
+                           " points after bundle adjustment";
+    } else if (model->Camera(image.CameraId())
+                   .HasBogusParams(kMinFocalLengthRatio,
+                                   kMaxFocalLengthRatio,
+                                   kMaxExtraParam)) {
+      filtered[image_id] = "implausible intrinsics after bundle adjustment";
+    }
+  }
+  for (const auto& [image_id, reason] : filtered) {
+    model->DeRegisterImage(image_id);
+  }
+  return filtered;
+}
+
+std::map<colmap::image_t, double> DepthScalesOfModel(
+    const KeypointDepthMap& depths, const colmap::Reconstruction& model) {
+  std::map<colmap::image_t, double> scales;
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
+    const auto it = depths.find(image_id);
+    if (it == depths.end()) continue;
+    const colmap::Image& image = model.Image(image_id);
+    const Rigid3d cam_from_world = CamFromWorld(image);
+    std::vector<double> log_ratios;
+    for (size_t i = 0; i < image.NumPoints2D(); ++i) {
+      const colmap::Point2D& point2D = image.Point2D(i);
+      const double prior_depth = it->second.depths[i];
+      if (!point2D.HasPoint3D() || !(prior_depth > 0)) continue;
+      const double depth =
+          (cam_from_world * model.Point3D(point2D.Point3DId()).XYZ()).z();
+      if (depth > 0) log_ratios.push_back(std::log(depth / prior_depth));
+    }
+    if (log_ratios.size() >= kMinNumDepthsPerImage) {
+      scales[image_id] = std::exp(Median(log_ratios));
+    }
+  }
+  return scales;
+}
+
+MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
+                             colmap::Reconstruction* model) {
+  MetricScale metric;
+  std::vector<double> log_scales;
+  for (const auto& [image_id, scale] : DepthScalesOfModel(depths, *model)) {
+    log_scales.push_back(std::log(scale));
+  }
+  metric.num_images = log_scales.size();
+  if (log_scales.empty()) return metric;
+  const double median = Median(log_scales);
+  std::vector<double> deviations;
+  for (const double log_scale : log_scales) {
+    deviations.push_back(std::abs(log_scale - median));
+  }
+  metric.log_spread = 1.4826 * Median(deviations);
+  metric.factor = std::exp(-median);
+  model->Transform(colmap::SimilarityTransform3(
+      metric.factor, Eigen::Vector4d(1, 0, 0, 0), Eigen::Vector3d::Zero()));
+  return metric;
+}
+
+}  // namespace dgsfm

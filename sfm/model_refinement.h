@@ -1,0 +1,108 @@
+// The nonlinear stages over a colmap::Reconstruction: global positioning,
+// bundle adjustment with filters, retriangulation, metric scale.
+
+#pragma once
+
+#include "estimators/global_positioning.h"
+#include "sfm/view_graph.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/correspondence_graph.h>
+#include <colmap/base/reconstruction.h>
+
+#include <map>
+#include <optional>
+#include <string>
+
+namespace dgsfm {
+
+struct ModelRefinementOptions {
+  GlobalPositioningOptions global_positioning;
+  // Observations that are off their point by more than this after global
+  // positioning are removed [deg].
+  double max_angular_error_deg = 2.0;
+
+  // Rounds of bundle adjustment, with a filter after each.
+  int num_bundle_adjustment_rounds = 3;
+  int max_num_bundle_adjustment_iterations = 100;
+  // Reprojection error of the filter after the last round [px]; the rounds
+  // before use 2, 3, ... times it.
+  double max_reprojection_error_px = 4.0;
+  // Points whose rays all enclose less than this are removed [deg].
+  double min_triangulation_angle_deg = 1.5;
+  // Residual from which the soft L1 loss grows linearly [px].
+  double loss_scale_px = 1.0;
+  bool refine_focal_length = true;
+  bool refine_extra_params = true;
+  bool refine_principal_point = false;
+
+  // Reprojection error to complete and merge tracks [px].
+  double max_completion_error_px = 4.0;
+  // Images with fewer points than this are not registered.
+  int min_num_points_per_image = 10;
+  // Threads of the solvers; -1 = all cores.
+  int num_threads = -1;
+
+  bool IsValid(std::string* error) const;
+};
+
+// Refines centres and points with fixed rotations (DGSfM Eq. 14). The centre
+// of fixed_image stays. Returns the solver's summary.
+GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
+                                         colmap::image_t fixed_image,
+                                         colmap::Reconstruction* model);
+
+// Removes observations more than max_angle_deg off their point or behind the
+// camera, and points left with one; returns the number of observations.
+size_t FilterObservationsByAngle(double max_angle_deg,
+                                 colmap::Reconstruction* model);
+
+// Bundle adjustment of everything. Gauge: the pose of fixed_image, and the
+// largest coordinate of the translation of the image farthest from it. Cameras
+// whose images have hardly any observations keep their intrinsics. Returns the
+// final RMS reprojection error [px], or nothing if there is nothing to adjust
+// or the solver failed.
+std::optional<double> AdjustBundle(const ModelRefinementOptions& options,
+                                   colmap::image_t fixed_image,
+                                   colmap::Reconstruction* model);
+
+// Removes observations with large reprojection error or behind the camera and
+// points with a small triangulation angle; returns the number of observations.
+size_t FilterObservations(const ModelRefinementOptions& options,
+                          double error_factor,
+                          colmap::Reconstruction* model);
+
+// Correspondences of the valid pairs among the images of a model.
+void BuildCorrespondenceGraph(const PairGeometries& pairs,
+                              const colmap::Reconstruction& model,
+                              colmap::CorrespondenceGraph* graph);
+
+// Triangulates what has no point yet, completes and merges tracks. Returns the
+// number of observations that the model gained.
+size_t Retriangulate(const ModelRefinementOptions& options,
+                     const colmap::CorrespondenceGraph& graph,
+                     colmap::Reconstruction* model);
+
+// De-registers images with too few points or implausible intrinsics and
+// returns them with the reason.
+std::map<colmap::image_t, std::string> FilterImages(
+    const ModelRefinementOptions& options, colmap::Reconstruction* model);
+
+// Factors of the depth maps against the model: s_i = median over the points of
+// image i of z-depth / prior depth, for images with enough of them.
+std::map<colmap::image_t, double> DepthScalesOfModel(
+    const KeypointDepthMap& depths, const colmap::Reconstruction& model);
+
+// Scales the model so that the median of its depth scales is one. Returns the
+// factor applied (1 without depth) and the spread of log s_i over images
+// (1.4826 x median absolute deviation) [1].
+struct MetricScale {
+  double factor = 1;
+  double log_spread = 0;
+  size_t num_images = 0;
+};
+MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
+                             colmap::Reconstruction* model);
+
+}  // namespace dgsfm

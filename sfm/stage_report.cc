@@ -1,0 +1,39 @@
+#include "sfm/stage_report.h"
+
+#include <sstream>
+
+#include <glog/logging.h>
+#include <sys/resource.h>
+
+namespace dgsfm {
+
+StageTimer::StageTimer(const std::string& stage)
+    : start_(std::chrono::steady_clock::now()) {
+  report_.stage = stage;
+}
+
+StageTimer& StageTimer::Add(const std::string& figure, double value) {
+  report_.figures.emplace_back(figure, value);
+  return *this;
+}
+
+void StageTimer::Finish(std::vector<StageReport>* reports) {
+  report_.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start_)
+          .count();
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  report_.peak_memory_mb = double(usage.ru_maxrss) / 1024;
+
+  std::ostringstream line;
+  line << report_.stage << ":";
+  for (const auto& [figure, value] : report_.figures) {
+    line << " " << figure << "=" << value;
+  }
+  line << " (" << report_.seconds << " s, " << report_.peak_memory_mb
+       << " MB peak)";
+  LOG(INFO) << line.str();
+  reports->push_back(report_);
+}
+
+}  // namespace dgsfm

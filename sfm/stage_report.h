@@ -1,0 +1,34 @@
+// What a stage did: logged as one line and written to report.json.
+
+#pragma once
+
+#include <chrono>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace dgsfm {
+
+struct StageReport {
+  std::string stage;
+  // Counts in and out and other figures, in the order they were added.
+  std::vector<std::pair<std::string, double>> figures;
+  double seconds = 0;
+  // Largest resident memory of the process so far.
+  double peak_memory_mb = 0;
+};
+
+// Measures a stage from construction to Finish().
+class StageTimer {
+ public:
+  explicit StageTimer(const std::string& stage);
+  StageTimer& Add(const std::string& figure, double value);
+  // Logs the stage and appends it to the reports.
+  void Finish(std::vector<StageReport>* reports);
+
+ private:
+  StageReport report_;
+  std::chrono::steady_clock::time_point start_;
+};
+
+}  // namespace dgsfm
