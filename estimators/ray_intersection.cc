@@ -1,6 +1,7 @@
 #include "estimators/ray_intersection.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/median.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,11 +42,7 @@ Eigen::Vector3d ComponentwiseMedian(
   std::vector<double> values(points.size());
   for (int k = 0; k < 3; ++k) {
     for (size_t i = 0; i < points.size(); ++i) values[i] = points[i](k);
-    std::sort(values.begin(), values.end());
-    const size_t half = values.size() / 2;
-    median(k) = values.size() % 2 == 1
-                    ? values[half]
-                    : 0.5 * (values[half - 1] + values[half]);
+    median(k) = Median(values);
   }
   return median;
 }

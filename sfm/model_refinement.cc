@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
+#include "estimators/median.h"
 
 #include <colmap/base/similarity_transform.h>
 #include <colmap/optim/bundle_adjustment.h>
@@ -25,14 +26,6 @@ constexpr size_t kMinNumDepthsPerImage = 10;
 constexpr double kMinFocalLengthRatio = 0.1;
 constexpr double kMaxFocalLengthRatio = 10.0;
 constexpr double kMaxExtraParam = 1.0;
-
-double Median(std::vector<double> values) {
-  DGSFM_CHECK(!values.empty());
-  std::sort(values.begin(), values.end());
-  const size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half]
-                                : 0.5 * (values[half - 1] + values[half]);
-}
 
 std::vector<colmap::image_t> SortedRegisteredImages(
     const colmap::Reconstruction& model) {
@@ -294,6 +287,22 @@ std::map<colmap::image_t, std::string> FilterImages(
     model->DeRegisterImage(image_id);
   }
   return filtered;
+}
+
+void UpdatePointErrors(colmap::Reconstruction* model) {
+  for (const colmap::point3D_t point_id : SortedPoints(*model)) {
+    colmap::Point3D& point = model->Point3D(point_id);
+    double sum = 0;
+    for (const colmap::TrackElement& element : point.Track().Elements()) {
+      const colmap::Image& image = model->Image(element.image_id);
+      const Eigen::Vector3d point_in_cam = CamFromWorld(image) * point.XYZ();
+      sum += (model->Camera(image.CameraId())
+                  .WorldToImage(point_in_cam.hnormalized()) -
+              image.Point2D(element.point2D_idx).XY())
+                 .norm();
+    }
+    point.SetError(sum / double(point.Track().Length()));
+  }
 }
 
 std::map<colmap::image_t, double> DepthScalesOfModel(

@@ -89,6 +89,9 @@ size_t Retriangulate(const ModelRefinementOptions& options,
 std::map<colmap::image_t, std::string> FilterImages(
     const ModelRefinementOptions& options, colmap::Reconstruction* model);
 
+// Stores the mean reprojection error of each point in it [px].
+void UpdatePointErrors(colmap::Reconstruction* model);
+
 // Factors of the depth maps against the model: s_i = median over the points of
 // image i of z-depth / prior depth, for images with enough of them.
 std::map<colmap::image_t, double> DepthScalesOfModel(

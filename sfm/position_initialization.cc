@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/graph.h"
+#include "estimators/median.h"
 #include "estimators/ray_intersection.h"
 
 #include <algorithm>
@@ -154,10 +155,7 @@ class PositionInitializer {
       }
       if (ray1 && ray2) angles.push_back(AngleDeg(*ray1, *ray2));
     }
-    if (angles.empty()) return 0;
-    std::nth_element(
-        angles.begin(), angles.begin() + angles.size() / 2, angles.end());
-    return angles[angles.size() / 2];
+    return angles.empty() ? 0 : Median(angles);
   }
 
   void PlaceSeedPair() {

@@ -1,0 +1,17 @@
+#include "estimators/median.h"
+
+#include "colmap_ext/check.h"
+
+#include <algorithm>
+
+namespace dgsfm {
+
+double Median(std::vector<double> values) {
+  DGSFM_CHECK(!values.empty());
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,481 @@
+#include "sfm/depth_global_mapper.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/pose_access.h"
+#include "estimators/graph.h"
+#include "estimators/median.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Share of observations whose removal is worth another round of adjustment.
+constexpr double kMinFilteredShare = 1e-3;
+// Rounds of retriangulation and adjustment.
+constexpr int kMaxNumRetriangulationRounds = 2;
+
+// Registered image with the most points: the best anchor of the gauge.
+colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
+  colmap::image_t anchor = colmap::kInvalidImageId;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    if (anchor == colmap::kInvalidImageId ||
+        std::make_pair(model.Image(image_id).NumPoints3D(), anchor) >
+            std::make_pair(model.Image(anchor).NumPoints3D(), image_id)) {
+      anchor = image_id;
+    }
+  }
+  return anchor;
+}
+
+std::vector<IndexedPair> ScaledPairs(const ImageIndex& index,
+                                     PairGeometries* pairs) {
+  std::vector<IndexedPair> scaled_pairs;
+  for (const IndexedPair& indexed : ValidPairs(index, pairs)) {
+    if (indexed.pair->has_scale) scaled_pairs.push_back(indexed);
+  }
+  return scaled_pairs;
+}
+
+// Images of the index in the largest part that scaled pairs connect.
+std::vector<colmap::image_t> LargestScaledPart(const ImageIndex& index,
+                                               PairGeometries* pairs) {
+  std::vector<GraphEdge> edges;
+  for (const IndexedPair& indexed : ScaledPairs(index, pairs)) {
+    edges.emplace_back(indexed.image1, indexed.image2);
+  }
+  const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
+  std::vector<colmap::image_t> image_ids;
+  for (int i = 0; i < index.Size(); ++i) {
+    if (parts[i] == 0) image_ids.push_back(index.IdOf(i));
+  }
+  return image_ids;
+}
+
+void AddCounts(const PairGeometries& pairs, StageTimer* timer) {
+  for (const auto& [status, count] : CountByStatus(pairs)) {
+    timer->Add(PairStatusName(status), double(count));
+  }
+}
+
+}  // namespace
+
+bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
+  if (!view_graph.IsValid(error) || !view_graph_calibration.IsValid(error) ||
+      !rotation_averaging.IsValid(error) || !scale_averaging.IsValid(error) ||
+      !tracks.IsValid(error) || !refinement.IsValid(error)) {
+    return false;
+  }
+  const auto check = [error](const char* name, double value, double bound) {
+    if (value >= bound) return true;
+    *error = std::string(name) + " = " + std::to_string(value) +
+             " must be at least " + std::to_string(bound);
+    return false;
+  };
+  return check("num_rotation_averaging_rounds",
+               num_rotation_averaging_rounds,
+               1) &&
+         check("max_rotation_error_deg", max_rotation_error_deg, 1e-3) &&
+         check("max_log_scale_error", max_log_scale_error, 1e-3) &&
+         check("min_model_size", min_model_size, 2);
+}
+
+DepthGlobalMapper::DepthGlobalMapper(
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    const PairScores& pair_scores)
+    : options_(options),
+      verification_(verification),
+      scene_(scene),
+      depths_(depths),
+      pair_scores_(pair_scores) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(verification.IsValid(&error)) << error;
+  options_.refinement.num_threads = options_.num_threads;
+  verification_.num_threads = options_.num_threads;
+}
+
+DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
+  FilterPairs(pairs);
+  CalibrateAndReverify(pairs);
+  std::vector<ImageIds> components = ConnectedImages(*pairs);
+  if (!options_.multiple_models && components.size() > 1) components.resize(1);
+  for (size_t i = 0; i < components.size(); ++i) {
+    ImageIds image_ids = components[i];
+    if (image_ids.size() < size_t(options_.min_model_size)) {
+      for (const colmap::image_t image_id : image_ids) {
+        result_.unregistered_images[image_id] =
+            "connected to only " + std::to_string(image_ids.size() - 1) +
+            " other images";
+      }
+      continue;
+    }
+    std::vector<Eigen::Quaterniond> rotations;
+    if (!AverageComponentRotations(
+            pairs, &image_ids, &rotations, &components)) {
+      continue;
+    }
+    std::unique_ptr<colmap::Reconstruction> model =
+        MapComponent(pairs, ImageIndex(image_ids), rotations);
+    if (model) result_.models.push_back(std::move(model));
+  }
+  std::stable_sort(result_.models.begin(),
+                   result_.models.end(),
+                   [](const auto& a, const auto& b) {
+                     return a->NumRegImages() > b->NumRegImages();
+                   });
+  ExplainMissingImages(*pairs);
+  return std::move(result_);
+}
+
+void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
+  StageTimer timer("view_graph_filter");
+  if (!options_.skip_pair_scores) {
+    FilterByPairScore(pair_scores_, options_.view_graph, pairs);
+  }
+  if (!options_.skip_triplet_support) {
+    FilterByTripletSupport(options_.view_graph, pairs);
+  }
+  AddCounts(*pairs, &timer);
+  timer.Finish(&result_.stages);
+}
+
+void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
+  if (options_.skip_focal_averaging) return;
+  StageTimer timer("focal_averaging");
+  result_.focals =
+      CalibrateCameras(*pairs, options_.view_graph_calibration, &scene_);
+  std::map<FocalSource, size_t> num_cameras;
+  for (const auto& [camera_id, focal] : result_.focals) {
+    ++num_cameras[focal.source];
+  }
+  for (const auto& [source, count] : num_cameras) {
+    timer.Add(FocalSourceName(source), double(count));
+  }
+  timer.Finish(&result_.stages);
+
+  if (options_.skip_reverification ||
+      num_cameras[FocalSource::PRIOR] == result_.focals.size()) {
+    return;
+  }
+  StageTimer reverification("reverification");
+  Scene calibrated;
+  calibrated.cameras = scene_.cameras;
+  calibrated.images = scene_.images;
+  for (auto& [camera_id, camera] : calibrated.cameras) {
+    camera.SetPriorFocalLength(true);
+  }
+  for (const auto& [pair_id, pair] : *pairs) {
+    if (pair.status == PairStatus::VALID) {
+      calibrated.matches[pair_id] = scene_.matches.at(pair_id);
+    }
+  }
+  for (auto& [pair_id, pair] :
+       VerifyPairs(calibrated, depths_, verification_)) {
+    pairs->at(pair_id) = std::move(pair);
+  }
+  AddCounts(*pairs, &reverification);
+  reverification.Finish(&result_.stages);
+}
+
+bool DepthGlobalMapper::AverageComponentRotations(
+    PairGeometries* pairs,
+    ImageIds* image_ids,
+    std::vector<Eigen::Quaterniond>* cam_from_world_rotations,
+    std::vector<ImageIds>* components) {
+  StageTimer timer("rotation_averaging");
+  timer.Add("images", double(image_ids->size()));
+  size_t num_filtered = 0;
+  for (int round = 0; round < options_.num_rotation_averaging_rounds; ++round) {
+    const ImageIndex index(*image_ids);
+    const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
+    std::vector<RelativeRotation> relative_rotations;
+    for (const IndexedPair& indexed : valid_pairs) {
+      relative_rotations.push_back({indexed.image1,
+                                    indexed.image2,
+                                    indexed.pair->cam2_from_cam1.rotation,
+                                    1.0});
+    }
+    if (!AverageRotations(index.Size(),
+                          relative_rotations,
+                          /*fixed_node=*/0,
+                          options_.rotation_averaging,
+                          cam_from_world_rotations)) {
+      LOG(ERROR) << "Rotation averaging failed for the component of image "
+                 << image_ids->front();
+      for (const colmap::image_t image_id : *image_ids) {
+        result_.unregistered_images[image_id] = "rotation averaging failed";
+      }
+      return false;
+    }
+    std::vector<GraphEdge> edges;
+    for (const IndexedPair& indexed : valid_pairs) {
+      const Eigen::Quaterniond predicted =
+          (*cam_from_world_rotations)[indexed.image2] *
+          (*cam_from_world_rotations)[indexed.image1].conjugate();
+      const double error_deg =
+          predicted.angularDistance(indexed.pair->cam2_from_cam1.rotation) *
+          180 / M_PI;
+      if (error_deg > options_.max_rotation_error_deg) {
+        indexed.pair->status = PairStatus::ROTATION_OUTLIER;
+        ++num_filtered;
+      } else {
+        edges.emplace_back(indexed.image1, indexed.image2);
+      }
+    }
+    // Keep the largest part; the others are mapped on their own.
+    const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
+    std::map<int, ImageIds> images_of_parts;
+    std::vector<Eigen::Quaterniond> kept_rotations;
+    for (int i = 0; i < index.Size(); ++i) {
+      images_of_parts[parts[i]].push_back(index.IdOf(i));
+      if (parts[i] == 0) {
+        kept_rotations.push_back((*cam_from_world_rotations)[i]);
+      }
+    }
+    *image_ids = images_of_parts[0];
+    *cam_from_world_rotations = kept_rotations;
+    for (const auto& [part, part_image_ids] : images_of_parts) {
+      if (part != 0) components->push_back(part_image_ids);
+    }
+  }
+  timer.Add("pairs_filtered", double(num_filtered))
+      .Add("images_kept", double(image_ids->size()));
+  timer.Finish(&result_.stages);
+  return true;
+}
+
+ImageScales DepthGlobalMapper::AverageComponentScales(const ImageIndex& index,
+                                                      PairGeometries* pairs) {
+  StageTimer timer("scale_averaging");
+  const ImageIndex scaled_index(LargestScaledPart(index, pairs));
+  std::vector<IndexedPair> scaled_pairs = ScaledPairs(scaled_index, pairs);
+  std::vector<RelativeLogScale> ratios;
+  for (const IndexedPair& indexed : scaled_pairs) {
+    ratios.push_back({indexed.image1,
+                      indexed.image2,
+                      std::log(indexed.pair->scale_1_from_2),
+                      1.0});
+  }
+  timer.Add("pairs", double(ratios.size()));
+  ImageScales scales;
+  if (!ratios.empty()) {
+    std::vector<double> log_scales(scaled_index.Size(), 0.0);
+    size_t num_outliers = 0;
+    if (!options_.skip_scale_averaging) {
+      if (!AverageScales(scaled_index.Size(),
+                         ratios,
+                         /*fixed_node=*/0,
+                         options_.scale_averaging,
+                         &log_scales)) {
+        LOG(WARNING) << "Scale averaging failed: images keep scale one";
+      }
+      for (size_t i = 0; i < ratios.size(); ++i) {
+        const double error = log_scales[ratios[i].node2] -
+                             log_scales[ratios[i].node1] - ratios[i].log_ratio;
+        if (std::abs(error) <= options_.max_log_scale_error) continue;
+        scaled_pairs[i].pair->has_scale = false;
+        ++num_outliers;
+      }
+    }
+    // Gauge: the median image has scale one. Images that only outliers linked
+    // have no scale.
+    const double median = Median(log_scales);
+    for (const colmap::image_t image_id :
+         LargestScaledPart(scaled_index, pairs)) {
+      scales[image_id] =
+          std::exp(log_scales[scaled_index.Of(image_id)] - median);
+    }
+    timer.Add("outliers", double(num_outliers));
+  }
+  timer.Add("images", double(scales.size()));
+  timer.Finish(&result_.stages);
+  return scales;
+}
+
+std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::CreateModel(
+    const ImageIndex& index,
+    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) const {
+  auto model = std::make_unique<colmap::Reconstruction>();
+  for (int i = 0; i < index.Size(); ++i) {
+    colmap::Image image = scene_.images.at(index.IdOf(i));
+    if (!model->ExistsCamera(image.CameraId())) {
+      model->AddCamera(scene_.cameras.at(image.CameraId()));
+    }
+    SetCamFromWorld({cam_from_world_rotations[i], Eigen::Vector3d::Zero()},
+                    &image);
+    model->AddImage(image);
+  }
+  return model;
+}
+
+std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
+    PairGeometries* pairs,
+    const ImageIndex& index,
+    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) {
+  const ImageScales scales = AverageComponentScales(index, pairs);
+  std::unique_ptr<colmap::Reconstruction> model =
+      CreateModel(index, cam_from_world_rotations);
+
+  StageTimer initialization("initialization");
+  const std::vector<colmap::Track> tracks =
+      EstablishTracks(index, *pairs, options_.tracks);
+  InitializePositions(index,
+                      *pairs,
+                      depths_,
+                      scales,
+                      tracks,
+                      options_.position_initialization,
+                      model.get());
+  initialization.Add("tracks", double(tracks.size()))
+      .Add("images", double(model->NumRegImages()))
+      .Add("points", double(model->NumPoints3D()));
+  initialization.Finish(&result_.stages);
+  for (int i = 0; i < index.Size(); ++i) {
+    if (!model->IsImageRegistered(index.IdOf(i))) {
+      result_.unregistered_images[index.IdOf(i)] =
+          "sees too few tracks to be positioned";
+    }
+  }
+
+  const bool success = PositionModel(model.get()) && AdjustModel(model.get());
+  if (success && !options_.skip_retriangulation) {
+    RetriangulateModel(*pairs, model.get());
+  }
+  FinishModel(model.get());
+  if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
+    for (const colmap::image_t image_id : model->RegImageIds()) {
+      result_.unregistered_images[image_id] =
+          success ? "its model has fewer than " +
+                        std::to_string(options_.min_model_size) + " images"
+                  : "the optimisation of its model failed";
+    }
+    return nullptr;
+  }
+  return model;
+}
+
+bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
+  if (model->NumPoints3D() == 0) return false;
+  if (options_.skip_global_positioning) return true;
+  StageTimer timer("global_positioning");
+  const GlobalPositioningSummary summary =
+      PositionCameras(options_.refinement, AnchorImage(*model), model);
+  if (!summary.success) {
+    LOG(ERROR) << "Global positioning failed: " << summary.message;
+    return false;
+  }
+  const size_t num_filtered = FilterObservationsByAngle(
+      options_.refinement.max_angular_error_deg, model);
+  timer.Add("iterations", summary.num_iterations)
+      .Add("initial_cost", summary.initial_cost)
+      .Add("final_cost", summary.final_cost)
+      .Add("observations_filtered", double(num_filtered))
+      .Add("points", double(model->NumPoints3D()));
+  timer.Finish(&result_.stages);
+  return model->NumPoints3D() > 0;
+}
+
+bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
+  if (options_.skip_bundle_adjustment) return true;
+  const int num_rounds = options_.refinement.num_bundle_adjustment_rounds;
+  for (int round = 0; round < num_rounds; ++round) {
+    StageTimer timer("bundle_adjustment");
+    const std::optional<double> rms =
+        AdjustBundle(options_.refinement, AnchorImage(*model), model);
+    if (!rms) return false;
+    const size_t num_filtered =
+        FilterObservations(options_.refinement, num_rounds - round, model);
+    timer.Add("round", round + 1)
+        .Add("rms_px", *rms)
+        .Add("observations_filtered", double(num_filtered))
+        .Add("points", double(model->NumPoints3D()));
+    timer.Finish(&result_.stages);
+  }
+  return model->NumPoints3D() > 0;
+}
+
+void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
+                                           colmap::Reconstruction* model) {
+  colmap::CorrespondenceGraph graph;
+  BuildCorrespondenceGraph(pairs, *model, &graph);
+  for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
+    StageTimer timer("retriangulation");
+    const size_t num_gained = Retriangulate(options_.refinement, graph, model);
+    const std::optional<double> rms =
+        AdjustBundle(options_.refinement, AnchorImage(*model), model);
+    const size_t num_filtered =
+        FilterObservations(options_.refinement, 1.0, model);
+    timer.Add("observations_gained", double(num_gained))
+        .Add("rms_px", rms.value_or(0))
+        .Add("observations_filtered", double(num_filtered))
+        .Add("points", double(model->NumPoints3D()));
+    timer.Finish(&result_.stages);
+    const double num_observations = double(model->ComputeNumObservations());
+    if (double(num_gained + num_filtered) <
+        kMinFilteredShare * num_observations) {
+      break;
+    }
+  }
+}
+
+void DepthGlobalMapper::FinishModel(colmap::Reconstruction* model) {
+  StageTimer timer("metric_scale");
+  for (const auto& [image_id, reason] :
+       FilterImages(options_.refinement, model)) {
+    result_.unregistered_images[image_id] = reason;
+  }
+  const MetricScale metric = NormalizeToDepth(depths_, model);
+  for (const auto& [image_id, scale] : DepthScalesOfModel(depths_, *model)) {
+    result_.depth_scales[image_id] = scale;
+  }
+  UpdatePointErrors(model);
+  model->TearDown();
+  timer.Add("images", double(model->NumRegImages()))
+      .Add("points", double(model->NumPoints3D()))
+      .Add("scale_factor", metric.factor)
+      .Add("log_scale_spread", metric.log_spread)
+      .Add("images_with_scale", double(metric.num_images));
+  timer.Finish(&result_.stages);
+}
+
+void DepthGlobalMapper::ExplainMissingImages(const PairGeometries& pairs) {
+  std::map<colmap::image_t, std::map<PairStatus, size_t>> pair_statuses;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    ++pair_statuses[image_id1][pair.status];
+    ++pair_statuses[image_id2][pair.status];
+  }
+  std::set<colmap::image_t> registered;
+  for (const auto& model : result_.models) {
+    registered.insert(model->RegImageIds().begin(), model->RegImageIds().end());
+  }
+  for (const auto& [image_id, image] : scene_.images) {
+    if (registered.count(image_id) > 0) {
+      result_.unregistered_images.erase(image_id);
+      continue;
+    }
+    if (result_.unregistered_images.count(image_id) > 0) continue;
+    std::string& reason = result_.unregistered_images[image_id];
+    if (image.NumPoints2D() == 0) {
+      reason = "no key points";
+    } else if (pair_statuses[image_id].empty()) {
+      reason = "no matches with other images";
+    } else {
+      reason = "no valid pair:";
+      for (const auto& [status, count] : pair_statuses[image_id]) {
+        reason += " " + std::to_string(count) + " " + PairStatusName(status);
+      }
+    }
+  }
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,126 @@
+// Depth-guided global structure from motion (DGSfM Sec. 3): from verified
+// pairs and depth at key points to one reconstruction per connected component.
+
+#pragma once
+
+#include "estimators/rotation_averaging.h"
+#include "estimators/scale_averaging.h"
+#include "sfm/camera_calibration.h"
+#include "sfm/model_refinement.h"
+#include "sfm/position_initialization.h"
+#include "sfm/stage_report.h"
+#include "sfm/track_establishment.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/reconstruction.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+struct DepthGlobalMapperOptions {
+  ViewGraphFilterOptions view_graph;
+  ViewGraphCalibrationOptions view_graph_calibration;
+  RotationAveragingOptions rotation_averaging;
+  // Averages rotations this often, taking out pairs that are off by more than
+  // max_rotation_error_deg after each [deg].
+  int num_rotation_averaging_rounds = 2;
+  double max_rotation_error_deg = 10.0;
+  ScaleAveragingOptions scale_averaging;
+  // Pairs whose log scale ratio is off by more than this after averaging lose
+  // their scale [1].
+  double max_log_scale_error = 0.5;
+  TrackOptions tracks;
+  PositionInitializationOptions position_initialization;
+  ModelRefinementOptions refinement;
+
+  // Components and models with fewer images are left out.
+  int min_model_size = 3;
+  // Whether every component becomes a model, or only the largest.
+  bool multiple_models = true;
+  // Threads of all stages; -1 = all cores.
+  int num_threads = -1;
+
+  // Ablation: leave single stages out.
+  bool skip_pair_scores = false;
+  bool skip_triplet_support = false;
+  bool skip_focal_averaging = false;
+  // The second verification of the pairs with the averaged focal lengths,
+  // which the paper does not have.
+  bool skip_reverification = false;
+  bool skip_scale_averaging = false;
+  bool skip_global_positioning = false;
+  bool skip_bundle_adjustment = false;
+  // Completion of tracks after bundle adjustment, not in the paper either.
+  bool skip_retriangulation = false;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct DepthGlobalMapperResult {
+  // Largest first; each has at least min_model_size registered images.
+  std::vector<std::unique_ptr<colmap::Reconstruction>> models;
+  std::vector<StageReport> stages;
+  std::map<colmap::camera_t, CameraFocal> focals;
+  // Why each image of no model is missing.
+  std::map<colmap::image_t, std::string> unregistered_images;
+  // Depth-map factors of the registered images against their model.
+  std::map<colmap::image_t, double> depth_scales;
+};
+
+class DepthGlobalMapper {
+ public:
+  // `verification` is used for the second verification of the pairs. The
+  // references must outlive the mapper. Throws std::invalid_argument if the
+  // options are not valid.
+  DepthGlobalMapper(const DepthGlobalMapperOptions& options,
+                    const PairVerificationOptions& verification,
+                    const Scene& scene,
+                    const KeypointDepthMap& depths,
+                    const PairScores& pair_scores);
+
+  // Maps the scene from verified pairs; pairs that leave the view graph get
+  // their status.
+  DepthGlobalMapperResult Run(PairGeometries* pairs);
+
+ private:
+  using ImageIds = std::vector<colmap::image_t>;
+
+  void FilterPairs(PairGeometries* pairs);
+  void CalibrateAndReverify(PairGeometries* pairs);
+  // Averages rotations over a component. Parts that the rotation filter cuts
+  // off are added to `components`; `image_ids` keeps the largest part.
+  bool AverageComponentRotations(
+      PairGeometries* pairs,
+      ImageIds* image_ids,
+      std::vector<Eigen::Quaterniond>* cam_from_world_rotations,
+      std::vector<ImageIds>* components);
+  ImageScales AverageComponentScales(const ImageIndex& index,
+                                     PairGeometries* pairs);
+  std::unique_ptr<colmap::Reconstruction> CreateModel(
+      const ImageIndex& index,
+      const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) const;
+  std::unique_ptr<colmap::Reconstruction> MapComponent(
+      PairGeometries* pairs,
+      const ImageIndex& index,
+      const std::vector<Eigen::Quaterniond>& cam_from_world_rotations);
+  bool PositionModel(colmap::Reconstruction* model);
+  bool AdjustModel(colmap::Reconstruction* model);
+  void RetriangulateModel(const PairGeometries& pairs,
+                          colmap::Reconstruction* model);
+  void FinishModel(colmap::Reconstruction* model);
+  void ExplainMissingImages(const PairGeometries& pairs);
+
+  DepthGlobalMapperOptions options_;
+  PairVerificationOptions verification_;
+  Scene scene_;
+  const KeypointDepthMap& depths_;
+  const PairScores& pair_scores_;
+  DepthGlobalMapperResult result_;
+};
+
+}  // namespace dgsfm
