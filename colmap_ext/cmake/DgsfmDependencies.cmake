@@ -6,6 +6,9 @@ find_package(Eigen3 REQUIRED)
 find_package(Ceres REQUIRED)
 find_package(Boost REQUIRED COMPONENTS program_options filesystem system)
 find_package(nlohmann_json REQUIRED)
+# libzip's own package file needs its command-line tools installed.
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(LIBZIP REQUIRED IMPORTED_TARGET GLOBAL libzip)
 find_package(COLMAP REQUIRED CONFIG)
 
 add_library(dgsfm_colmap INTERFACE)

@@ -1,0 +1,172 @@
+#include "colmap_ext/depth_file_formats.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+
+#include <boost/endian/conversion.hpp>
+#include <png.h>
+
+// libpng reports errors by longjmp, so each function that calls it through
+// setjmp keeps every object with a destructor outside of itself.
+
+namespace dgsfm::internal {
+namespace {
+
+constexpr uint16_t kUnknown = 65535;
+
+struct Session {
+  png_structp png = nullptr;
+  png_infop info = nullptr;
+  std::string error;
+};
+
+void OnError(png_structp png, png_const_charp message) {
+  static_cast<Session*>(png_get_error_ptr(png))->error = message;
+  png_longjmp(png, 1);
+}
+
+void OnWarning(png_structp, png_const_charp) {}
+
+struct ReadSession : Session {
+  explicit ReadSession(const std::vector<uint8_t>& file_bytes)
+      : bytes(file_bytes) {
+    png = png_create_read_struct(
+        PNG_LIBPNG_VER_STRING, static_cast<Session*>(this), OnError, OnWarning);
+    if (png != nullptr) info = png_create_info_struct(png);
+    if (info == nullptr) throw std::bad_alloc();
+  }
+  ~ReadSession() { png_destroy_read_struct(&png, &info, nullptr); }
+  ReadSession(const ReadSession&) = delete;
+  ReadSession& operator=(const ReadSession&) = delete;
+
+  const std::vector<uint8_t>& bytes;
+  size_t num_read = 0;
+};
+
+struct WriteSession : Session {
+  WriteSession() {
+    png = png_create_write_struct(
+        PNG_LIBPNG_VER_STRING, static_cast<Session*>(this), OnError, OnWarning);
+    if (png != nullptr) info = png_create_info_struct(png);
+    if (info == nullptr) throw std::bad_alloc();
+  }
+  ~WriteSession() { png_destroy_write_struct(&png, &info); }
+  WriteSession(const WriteSession&) = delete;
+  WriteSession& operator=(const WriteSession&) = delete;
+};
+
+void ReadBytes(png_structp png, png_bytep data, size_t size) {
+  auto* session = static_cast<ReadSession*>(png_get_io_ptr(png));
+  if (size > session->bytes.size() - session->num_read) {
+    png_error(png, "the file is truncated");
+  }
+  std::memcpy(data, session->bytes.data() + session->num_read, size);
+  session->num_read += size;
+}
+
+bool ReadHeader(ReadSession* session) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_set_read_fn(session->png, session, ReadBytes);
+  png_set_user_limits(session->png, kMaxDepthMapSize, kMaxDepthMapSize);
+  png_read_info(session->png, session->info);
+  png_set_interlace_handling(session->png);
+  return true;
+}
+
+bool ReadRows(ReadSession* session, png_bytepp rows) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_read_image(session->png, rows);
+  png_read_end(session->png, nullptr);
+  return true;
+}
+
+bool WriteImage(WriteSession* session,
+                std::FILE* file,
+                int width,
+                int height,
+                png_bytepp rows) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_init_io(session->png, file);
+  png_set_IHDR(session->png,
+               session->info,
+               width,
+               height,
+               16,
+               PNG_COLOR_TYPE_GRAY,
+               PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT,
+               PNG_FILTER_TYPE_DEFAULT);
+  png_write_info(session->png, session->info);
+  png_write_image(session->png, rows);
+  png_write_end(session->png, nullptr);
+  return true;
+}
+
+std::vector<png_bytep> FindRows(std::vector<uint8_t>* pixels, int height) {
+  std::vector<png_bytep> rows(height);
+  for (int y = 0; y < height; ++y) {
+    rows[y] = pixels->data() + y * (pixels->size() / height);
+  }
+  return rows;
+}
+
+}  // namespace
+
+DepthGrid ParsePng(const std::vector<uint8_t>& bytes) {
+  ReadSession session(bytes);
+  if (!ReadHeader(&session)) throw std::runtime_error("PNG: " + session.error);
+  const int bit_depth = png_get_bit_depth(session.png, session.info);
+  const int color_type = png_get_color_type(session.png, session.info);
+  if (bit_depth != 16 || color_type != PNG_COLOR_TYPE_GRAY) {
+    throw std::runtime_error(
+        "PNG of " + std::to_string(bit_depth) + " bits and " +
+        std::to_string(png_get_channels(session.png, session.info)) +
+        " channels; depth needs 16 bits and one channel");
+  }
+  DepthGrid grid;
+  grid.width = png_get_image_width(session.png, session.info);
+  grid.height = png_get_image_height(session.png, session.info);
+  CheckGridSize(grid.width, grid.height);
+  const size_t num_bytes = 2 * size_t(grid.width) * grid.height;
+  if (num_bytes / kMaxDeflateRatio > bytes.size()) {
+    throw std::runtime_error("PNG: the file is truncated");
+  }
+  std::vector<uint8_t> pixels(num_bytes);
+  std::vector<png_bytep> rows = FindRows(&pixels, grid.height);
+  if (!ReadRows(&session, rows.data())) {
+    throw std::runtime_error("PNG: " + session.error);
+  }
+  grid.values.reserve(num_bytes / 2);
+  for (size_t i = 0; i < num_bytes; i += 2) {
+    const uint16_t value = boost::endian::load_big_u16(&pixels[i]);
+    grid.values.push_back(value == kUnknown ? 0 : value);
+  }
+  return grid;
+}
+
+void WritePng16(const std::string& path,
+                int width,
+                int height,
+                const std::vector<uint16_t>& values) {
+  std::vector<uint8_t> pixels(2 * values.size());
+  for (size_t i = 0; i < values.size(); ++i) {
+    boost::endian::store_big_u16(&pixels[2 * i], values[i]);
+  }
+  std::vector<png_bytep> rows = FindRows(&pixels, height);
+
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  if (file == nullptr) {
+    throw std::runtime_error(path + ": " + std::strerror(errno));
+  }
+  WriteSession session;
+  const bool is_written =
+      WriteImage(&session, file, width, height, rows.data());
+  const bool is_closed = std::fclose(file) == 0;
+  if (!is_written) throw std::runtime_error(path + ": " + session.error);
+  if (!is_closed) throw std::runtime_error(path + ": " + std::strerror(errno));
+}
+
+}  // namespace dgsfm::internal
