@@ -7,7 +7,14 @@
 namespace dgsfm {
 
 const std::vector<Command>& Commands() {
-  static const std::vector<Command> commands = {};
+  static const std::vector<Command> commands = {
+      {"depth_geometric_verifier",
+       "verifies image pairs with depth",
+       &RunDepthGeometricVerifier},
+      {"depth_global_mapper",
+       "reconstructs a database with depth priors",
+       &RunDepthGlobalMapper},
+  };
   return commands;
 }
 
