@@ -1,5 +1,6 @@
 // Graph algorithms on integer nodes 0..N-1, deterministic in the order of the
-// given edges.
+// given edges. Nodes out of range throw; parallel edges and self-loops are
+// allowed except where said otherwise.
 
 #pragma once
 
@@ -28,6 +29,7 @@ struct SpanningTree {
 };
 
 // Maximum spanning tree (Kruskal; equal weights: the earlier edge wins).
+// Throws on weights that are no numbers.
 SpanningTree MaximumSpanningTree(int num_nodes,
                                  const std::vector<GraphEdge>& edges,
                                  const std::vector<double>& weights,
@@ -35,7 +37,9 @@ SpanningTree MaximumSpanningTree(int num_nodes,
 
 // Triplet support of each edge (Manam 2024; DGSfM Eq. 2 and 3): the mean over
 // the triangles with this edge of n_edge / max n of the triangle's edges; -1
-// for edges in no triangle. Triangles are streamed, never listed.
+// for edges in no triangle. Triangles are streamed, never listed: time
+// O(E^1.5), memory O(N + E). Throws on parallel edges, self-loops and counts
+// that are not finite and positive.
 std::vector<double> TripletSupport(int num_nodes,
                                    const std::vector<GraphEdge>& edges,
                                    const std::vector<double>& counts);

@@ -18,10 +18,11 @@ struct RelativeLogScale {
 };
 
 struct ScaleAveragingOptions {
+  // Reweighted least-squares steps of each phase.
   int max_num_iterations = 30;
   // Scale of the robust loss in log scale [1].
   double loss_scale = 0.1;
-  // Change of the log scales below which the iteration has converged [1].
+  // Mean change of the log scales below which a phase has converged [1].
   double convergence_threshold = 1e-10;
 
   bool IsValid(std::string* error) const;
@@ -30,7 +31,8 @@ struct ScaleAveragingOptions {
 // Log scales of all nodes of a connected graph, gauge: 0 at fixed_node.
 // An L1 start (IRLS) followed by a redescending loss (Geman-McClure).
 // Returns false, log_scales unchanged, if the graph is not connected or a
-// factorisation fails. Throws on non-finite ratios.
+// factorisation fails. Throws on ratios that are not finite, nodes out of
+// range and weights that are not finite and positive.
 [[nodiscard]] bool AverageScales(int num_nodes,
                                  const std::vector<RelativeLogScale>& ratios,
                                  int fixed_node,
