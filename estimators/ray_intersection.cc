@@ -85,7 +85,7 @@ std::optional<Eigen::Vector3d> ResectCenter(
   DGSFM_CHECK(points.size() == rays.size());
   constexpr int kNumIterations = 20;
   // Angle below which a residual counts as fully trusted [rad].
-  constexpr double kMinAngleRad = 1e-3;
+  constexpr double kMinAngleRad = 1e-4;
 
   std::vector<double> weights(points.size(), 1);
   std::optional<Eigen::Vector3d> center;

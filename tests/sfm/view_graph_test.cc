@@ -1,0 +1,107 @@
+#include "sfm/view_graph.h"
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+PairGeometry ValidPair(size_t num_inliers) {
+  PairGeometry pair;
+  pair.status = PairStatus::VALID;
+  pair.inlier_matches.resize(num_inliers);
+  pair.depth_verified.resize(num_inliers, 1);
+  return pair;
+}
+
+// Two triangles, images 1 2 3 and 4 5 6, linked by the pair (3, 4), and image
+// 7 linked to 1 and 2 by weak pairs.
+PairGeometries TwoTriangles() {
+  PairGeometries pairs;
+  for (const auto& [id1, id2] :
+       std::vector<std::pair<colmap::image_t, colmap::image_t>>{
+           {1, 2}, {2, 3}, {1, 3}, {4, 5}, {5, 6}, {4, 6}}) {
+    pairs[PairIdOfImages(id1, id2)] = ValidPair(100);
+  }
+  pairs[PairIdOfImages(3, 4)] = ValidPair(20);
+  pairs[PairIdOfImages(1, 7)] = ValidPair(30);
+  pairs[PairIdOfImages(2, 7)] = ValidPair(20);
+  return pairs;
+}
+
+TEST(ViewGraph, ComponentsAreOrderedBySize) {
+  PairGeometries pairs = TwoTriangles();
+  EXPECT_EQ(ConnectedImages(pairs).size(), 1);
+  pairs[PairIdOfImages(3, 4)].status = PairStatus::ROTATION_OUTLIER;
+  const auto components = ConnectedImages(pairs);
+  ASSERT_EQ(components.size(), 2);
+  EXPECT_EQ(components[0], (std::vector<colmap::image_t>{1, 2, 3, 7}));
+  EXPECT_EQ(components[1], (std::vector<colmap::image_t>{4, 5, 6}));
+}
+
+TEST(ViewGraph, NoValidPairsGiveNoComponents) {
+  PairGeometries pairs;
+  pairs[PairIdOfImages(1, 2)] = PairGeometry();
+  EXPECT_TRUE(ConnectedImages(pairs).empty());
+  EXPECT_TRUE(ConnectedImages({}).empty());
+}
+
+TEST(ViewGraph, TripletSupportKeepsBridgesAndPairsWithoutTriplet) {
+  PairGeometries pairs = TwoTriangles();
+  ViewGraphFilterOptions options;
+  // Of the pairs of image 7, supports 0.3 and 0.2, the stronger stays.
+  EXPECT_EQ(FilterByTripletSupport(options, &pairs), 1);
+  EXPECT_EQ(pairs[PairIdOfImages(2, 7)].status,
+            PairStatus::LOW_TRIPLET_SUPPORT);
+  EXPECT_EQ(pairs[PairIdOfImages(1, 7)].status, PairStatus::VALID);
+  EXPECT_EQ(pairs[PairIdOfImages(3, 4)].status, PairStatus::VALID);
+  EXPECT_EQ(ConnectedImages(pairs).size(), 1);
+}
+
+TEST(ViewGraph, PaperTripletFilterMaySplitTheGraph) {
+  PairGeometries pairs = TwoTriangles();
+  ViewGraphFilterOptions options;
+  options.keep_connected = false;
+  EXPECT_EQ(FilterByTripletSupport(options, &pairs), 2);
+  EXPECT_EQ(ConnectedImages(pairs)[0].size(), 6);
+}
+
+TEST(ViewGraph, PairScoresRemoveOnlyLowScores) {
+  PairGeometries pairs = TwoTriangles();
+  const PairScores scores = {{PairIdOfImages(4, 3), 0.8},
+                             {PairIdOfImages(1, 2), 0.81}};
+  EXPECT_EQ(FilterByPairScore(scores, ViewGraphFilterOptions(), &pairs), 1);
+  EXPECT_EQ(pairs[PairIdOfImages(3, 4)].status, PairStatus::LOW_PAIR_SCORE);
+  EXPECT_EQ(ConnectedImages(pairs).size(), 2);
+}
+
+TEST(ViewGraph, InvalidOptionsNameFieldAndValue) {
+  ViewGraphFilterOptions options;
+  options.min_pair_score = 1.5;
+  std::string error;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_NE(error.find("min_pair_score = 1.5"), std::string::npos) << error;
+}
+
+TEST(PairGeometry, InverseOfInverseIsTheSame) {
+  PairGeometry pair = ValidPair(2);
+  pair.has_scale = true;
+  pair.scale_1_from_2 = 2.5;
+  pair.cam2_from_cam1 = {Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized(),
+                         Eigen::Vector3d(1, -2, 3)};
+  pair.inlier_matches = {{1, 2}, {3, 4}};
+  const PairGeometry back = pair.Inverse().Inverse();
+  EXPECT_LT((back.cam2_from_cam1.translation - pair.cam2_from_cam1.translation)
+                .norm(),
+            1e-14);
+  EXPECT_EQ(back.scale_1_from_2, 2.5);
+  EXPECT_EQ(back.inlier_matches[1].point2D_idx2, 4);
+
+  // A point in units of map 1 seen by camera 2, in its units of map 2.
+  const Eigen::Vector3d point1(0.3, 0.4, 5);
+  const Eigen::Vector3d point2 = (pair.cam2_from_cam1 * point1) / 2.5;
+  EXPECT_LT((pair.Inverse().cam2_from_cam1 * point2 - point1 / 2.5).norm(),
+            1e-14);
+}
+
+}  // namespace
+}  // namespace dgsfm
