@@ -1,0 +1,264 @@
+#include "colmap_ext/synthetic/synthetic_scene.h"
+
+#include "colmap_ext/synthetic/synthetic_scene_io.h"
+#include "tests/testing/test_dir.h"
+
+#include <colmap/base/database.h>
+#include <colmap/base/essential_matrix.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+std::string FileBytes(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::pair<colmap::image_t, colmap::image_t> ImageIds(
+    colmap::image_pair_t pair_id) {
+  std::pair<colmap::image_t, colmap::image_t> ids;
+  colmap::Database::PairIdToImagePair(pair_id, &ids.first, &ids.second);
+  return ids;
+}
+
+// Largest distance [1] of inliers from the epipolar plane of the pair's pose.
+double MaxEpipolarError(const SyntheticScene& scene,
+                        colmap::image_pair_t pair_id) {
+  const SyntheticPair& pair = scene.pairs.at(pair_id);
+  const auto [image_id1, image_id2] = ImageIds(pair_id);
+  const auto ray = [&](colmap::image_t image_id, colmap::point2D_t idx) {
+    const SyntheticImage& image = scene.images.at(image_id);
+    return scene.cameras.at(image.camera_id)
+        .ImageToWorld(image.keypoints[idx])
+        .homogeneous()
+        .normalized();
+  };
+  const Eigen::Matrix3d E = colmap::EssentialMatrixFromPose(
+      pair.cam2_from_cam1.rotation.toRotationMatrix(),
+      pair.cam2_from_cam1.translation.normalized());
+  double max_error = 0;
+  for (size_t i = 0; i < pair.matches.size(); ++i) {
+    if (!pair.is_inlier[i]) continue;
+    const double error =
+        ray(image_id2, pair.matches[i].point2D_idx2)
+            .dot(E * ray(image_id1, pair.matches[i].point2D_idx1));
+    max_error = std::max(max_error, std::abs(error));
+  }
+  return max_error;
+}
+
+class SyntheticScenes : public testing::TestWithParam<Trajectory> {};
+
+TEST_P(SyntheticScenes, ObservationsAreExactWithoutNoise) {
+  SyntheticSceneOptions options;
+  options.trajectory = GetParam();
+  options.camera.radial_distortion = -0.05;
+  options.camera.num_cameras = 0;
+  options.camera.max_log_focal_offset = 0.2;
+  options.depth_noise.log_scale_stddev = 0.3;
+  const SyntheticScene scene = SynthesizeScene(options);
+  ASSERT_EQ(scene.images.size(), 20);
+  EXPECT_EQ(scene.cameras.size(), 20);
+  for (const auto& [image_id, image] : scene.images) {
+    EXPECT_GE(image.keypoints.size(), 100) << image.name;
+    ASSERT_EQ(image.prior_depths.size(), image.keypoints.size());
+    for (size_t i = 0; i < image.keypoints.size(); ++i) {
+      const Eigen::Vector3d in_cam =
+          image.cam_from_world * scene.points.at(image.point_idxs[i]);
+      const Eigen::Vector2d xy =
+          scene.cameras.at(image.camera_id).WorldToImage(in_cam.hnormalized());
+      // Double precision at 1e3 px.
+      EXPECT_LT((xy - image.keypoints[i]).norm(), 1e-9);
+      // Depths are kept as floats.
+      EXPECT_NEAR(
+          image.depth_scale * image.prior_depths[i] / in_cam.z(), 1, 1e-6);
+    }
+  }
+  // Every image hangs together with the next.
+  for (colmap::image_t image_id = 1; image_id < 20; ++image_id) {
+    const auto pair_id =
+        colmap::Database::ImagePairToPairId(image_id, image_id + 1);
+    if (GetParam() == Trajectory::FACADE && scene.pairs.count(pair_id) == 0) {
+      continue;  // the end of a row of the grid
+    }
+    EXPECT_GE(scene.pairs.at(pair_id).matches.size(), 20);
+    // Undistortion is iterative (1e-10 in COLMAP).
+    EXPECT_LT(MaxEpipolarError(scene, pair_id), 1e-8);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Trajectories,
+    SyntheticScenes,
+    testing::Values(Trajectory::RING, Trajectory::STREET, Trajectory::FACADE),
+    [](const auto& trajectory) { return TrajectoryName(trajectory.param); });
+
+TEST(SyntheticScene, NoiseHasTheRequestedSize) {
+  SyntheticSceneOptions options;
+  options.image_noise_px = 0.5;
+  options.outlier_match_ratio = 0.3;
+  options.no_depth_ratio = 0.25;
+  options.depth_noise.log_scale_stddev = 0.2;
+  options.depth_noise.log_field_stddev = 0.05;
+  options.depth_noise.log_noise_stddev = 0.1;
+  const SyntheticScene noisy = SynthesizeScene(options);
+  const SyntheticScene exact = SynthesizeScene({});
+  double sum_sq_px = 0, sum_sq_log = 0;
+  size_t num_points = 0, num_depths = 0, num_matches = 0, num_inliers = 0;
+  int num_without_depth = 0;
+  for (const auto& [image_id, image] : noisy.images) {
+    const SyntheticImage& truth = exact.images.at(image_id);
+    num_without_depth += image.prior_depths.empty();
+    for (size_t i = 0; i < truth.keypoints.size(); ++i) {
+      ASSERT_EQ(image.point_idxs[i], truth.point_idxs[i]);
+      sum_sq_px += (image.keypoints[i] - truth.keypoints[i]).squaredNorm();
+      ++num_points;
+      if (image.prior_depths.empty()) continue;
+      sum_sq_log +=
+          std::pow(std::log(image.prior_depths[i] * image.depth_scale /
+                            truth.prior_depths[i]),
+                   2);
+      ++num_depths;
+    }
+  }
+  for (const auto& [pair_id, pair] : noisy.pairs) {
+    ASSERT_EQ(pair.is_inlier.size(), pair.matches.size());
+    num_matches += pair.matches.size();
+    const auto [image_id1, image_id2] = ImageIds(pair_id);
+    for (size_t i = 0; i < pair.matches.size(); ++i) {
+      const int point_idx1 =
+          noisy.images.at(image_id1).point_idxs[pair.matches[i].point2D_idx1];
+      const int point_idx2 =
+          noisy.images.at(image_id2).point_idxs[pair.matches[i].point2D_idx2];
+      EXPECT_EQ(pair.is_inlier[i], point_idx1 >= 0 && point_idx1 == point_idx2);
+      num_inliers += pair.is_inlier[i];
+    }
+  }
+  // About 8000 samples: 1 / sqrt(2 * 8000) = 0.8 %, five sigma.
+  EXPECT_NEAR(std::sqrt(0.5 * sum_sq_px / num_points), 0.5, 0.02);
+  // The field has four waves per image, so that its size is less certain:
+  // log noise 0.1 and field 0.05 make 0.112, and at least 0.1.
+  EXPECT_NEAR(std::sqrt(sum_sq_log / num_depths), 0.112, 0.012);
+  EXPECT_EQ(num_without_depth, 5);
+  // Rounded to a match per pair of at least 20.
+  EXPECT_NEAR(1 - double(num_inliers) / num_matches, 0.3, 0.01);
+}
+
+TEST(SyntheticScene, DepthScalesHaveUnitMedian) {
+  SyntheticSceneOptions options;
+  options.num_images = 21;
+  options.depth_noise.log_scale_stddev = 0.5;
+  const SyntheticScene scene = SynthesizeScene(options);
+  std::vector<double> scales;
+  for (const auto& [image_id, image] : scene.images) {
+    scales.push_back(image.depth_scale);
+  }
+  std::sort(scales.begin(), scales.end());
+  EXPECT_DOUBLE_EQ(scales[10], 1);
+  EXPECT_LT(scales[5], 0.95);
+  EXPECT_GT(scales[15], 1.05);
+}
+
+TEST(SyntheticScene, FalsePairsAgreeWithAWrongPose) {
+  SyntheticSceneOptions options;
+  options.num_false_pairs = 5;
+  options.outlier_match_ratio = 0.2;
+  const SyntheticScene scene = SynthesizeScene(options);
+  int num_false = 0;
+  for (const auto& [pair_id, pair] : scene.pairs) {
+    const auto [image_id1, image_id2] = ImageIds(pair_id);
+    const Rigid3d truth = scene.images.at(image_id2).cam_from_world *
+                          scene.images.at(image_id1).cam_from_world.Inverse();
+    const double error =
+        truth.rotation.angularDistance(pair.cam2_from_cam1.rotation);
+    // Double precision of the pose composition.
+    EXPECT_LT(MaxEpipolarError(scene, pair_id), 1e-8);
+    if (pair.is_false) {
+      ++num_false;
+      EXPECT_GE(pair.matches.size(), 20);
+      // Images without a common view are far apart on the ring.
+      EXPECT_GT(error, 0.5);
+    } else {
+      EXPECT_LT(error, 1e-7);
+    }
+  }
+  EXPECT_EQ(num_false, 5);
+}
+
+TEST(SyntheticScene, ComponentsShareNoPairs) {
+  SyntheticSceneOptions options;
+  options.num_images = 24;
+  options.num_components = 2;
+  const SyntheticScene scene = SynthesizeScene(options);
+  int num_images[2] = {0, 0};
+  for (const auto& [image_id, image] : scene.images) {
+    ++num_images[image.component];
+  }
+  EXPECT_EQ(num_images[0], 12);
+  EXPECT_EQ(num_images[1], 12);
+  EXPECT_FALSE(scene.pairs.empty());
+  for (const auto& [pair_id, pair] : scene.pairs) {
+    const auto [image_id1, image_id2] = ImageIds(pair_id);
+    EXPECT_EQ(scene.images.at(image_id1).component,
+              scene.images.at(image_id2).component);
+  }
+}
+
+TEST(SyntheticScene, InvalidOptionsAreNamed) {
+  SyntheticSceneOptions options;
+  options.outlier_match_ratio = 1;
+  std::string error;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_NE(error.find("outlier_match_ratio"), std::string::npos);
+  EXPECT_THROW(SynthesizeScene(options), std::invalid_argument);
+  options = {};
+  options.num_images = 2;
+  options.num_false_pairs = 1000;
+  EXPECT_THROW(SynthesizeScene(options), std::invalid_argument);
+}
+
+TEST(SyntheticSceneIo, DatabaseIsDeterministicAndHoldsTheScene) {
+  const std::string dir = CreateTestDir();
+  SyntheticSceneOptions options;
+  options.num_images = 8;
+  options.image_noise_px = 0.5;
+  options.outlier_match_ratio = 0.2;
+  options.known_focal_length = false;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const std::string path = dir + "/a.db";
+  WriteSyntheticDatabase(synthetic, path);
+  WriteSyntheticDatabase(SynthesizeScene(options), dir + "/b.db");
+  EXPECT_EQ(FileBytes(path), FileBytes(dir + "/b.db"));
+  EXPECT_THROW(WriteSyntheticDatabase(synthetic, path), std::runtime_error);
+  EXPECT_THROW(WriteSyntheticDatabase(synthetic, dir + "/missing/c.db"),
+               std::runtime_error);
+
+  const Scene expected = SceneFromSynthetic(synthetic);
+  const colmap::Database database(path);
+  EXPECT_FALSE(database.ReadCamera(1).HasPriorFocalLength());
+  EXPECT_EQ(database.NumImages(), 8);
+  EXPECT_EQ(database.NumMatchedImagePairs(), expected.matches.size());
+}
+
+TEST(SyntheticSceneIo, GroundTruthModelHasNoReprojectionError) {
+  const SyntheticScene synthetic = SynthesizeScene({});
+  colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
+  EXPECT_EQ(model.NumRegImages(), 20);
+  EXPECT_GT(model.NumPoints3D(), 1000);
+  // Throws away every observation beyond the threshold.
+  EXPECT_EQ(model.FilterAllPoints3D(1e-6, 0), 0);
+  const DepthMap map = DepthMapFromSynthetic(synthetic, 1, 10);
+  EXPECT_EQ(map.width, 80);
+  EXPECT_EQ(map.height, 60);
+  EXPECT_GT(map.Coverage(), 0.03);
+}
+
+}  // namespace
+}  // namespace dgsfm
