@@ -6,9 +6,11 @@
 
 #include "colmap_ext/depth_map.h"
 #include "colmap_ext/pair_geometry.h"
+#include "colmap_ext/sqlite.h"
 
 #include <colmap/util/types.h>
 
+#include <chrono>
 #include <map>
 #include <memory>
 #include <string>
@@ -29,13 +31,16 @@ class DepthDatabase {
  public:
   enum class Mode { READ_ONLY, READ_WRITE };
 
-  // The file must exist and be a COLMAP database. READ_WRITE creates the
-  // tables where they are missing and refuses a schema newer than ours;
-  // READ_ONLY reads a database without our tables as one without priors.
-  DepthDatabase(const std::string& path, Mode mode);
+  // The file must exist and be a COLMAP database. Without our tables it is
+  // read as one without priors; the first write creates them, so that opening
+  // alone changes nothing. Another version of our tables is refused.
+  DepthDatabase(const std::string& path,
+                Mode mode,
+                std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
   ~DepthDatabase();
 
-  // Writes map and samples of one image, replacing earlier ones.
+  // Writes map and samples of one image, one per key point of the image in the
+  // database, replacing earlier ones.
   void WriteDepthMap(colmap::image_t image_id,
                      const DepthMap& depth_map,
                      const KeypointDepths& keypoint_depths);
@@ -47,13 +52,17 @@ class DepthDatabase {
   // extracted again after the import), naming the image and the remedy.
   std::map<colmap::image_t, KeypointDepths> ReadAllKeypointDepths() const;
 
-  // Replaces the geometries of the given pairs in one transaction.
+  // Replaces the geometries of the given pairs in one transaction; the others
+  // stay.
   void WritePairGeometries(
       const std::map<colmap::image_pair_t, PairGeometry>& geometries);
+  // Leaves out pairs whose images have been deleted since. Throws if inliers
+  // refer to key points that are gone, naming the pair and the remedy.
   std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries() const;
   void DeletePairGeometries();
 
-  // Runs everything written until Commit() as one transaction.
+  // Makes all writes until CommitTransaction() one transaction; without the
+  // commit the destructor undoes them.
   void BeginTransaction();
   void CommitTransaction();
 

@@ -5,17 +5,18 @@
 
 #pragma once
 
+#include "colmap_ext/sqlite.h"
+
 #include <colmap/util/alignment.h>
 
 #include <colmap/base/camera.h>
-#include <colmap/base/correspondence_graph.h>
 #include <colmap/base/image.h>
 #include <colmap/feature/types.h>
 #include <colmap/util/types.h>
 
+#include <chrono>
 #include <map>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -46,8 +47,10 @@ struct Scene {
 // Loads and validates a scene: indices in range, finite key points, known
 // cameras and camera models, no duplicate matches (duplicates are removed).
 // Throws std::runtime_error naming the file and the image or pair. The
-// database is opened read-only and must exist.
-Scene ReadScene(const std::string& database_path);
+// database is opened read-only and must exist. Multi-camera rigs (COLMAP 3.12
+// and later) and camera models that COLMAP 3.8 lacks are refused by name.
+Scene ReadScene(const std::string& database_path,
+                std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
 
 // Image ids of a pair id, the smaller first (COLMAP's pair id formula).
 std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(

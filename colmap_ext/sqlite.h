@@ -7,6 +7,8 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
+#include <sstream>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -47,8 +49,16 @@ class SqliteConnection {
   bool HasTable(const std::string& name) const;
   bool InTransaction() const { return sqlite3_get_autocommit(handle_) == 0; }
 
-  // Throws with the connection's last error.
-  [[noreturn]] void Fail(int result_code, const std::string& sql) const;
+  // Throws the path and the streamed arguments.
+  template <typename... Args>
+  [[noreturn]] void Fail(const Args&... args) const {
+    std::ostringstream message;
+    message << path_ << ": ";
+    (message << ... << args);
+    throw std::runtime_error(message.str());
+  }
+  // Throws the connection's last error.
+  [[noreturn]] void FailSqlite(int result_code, const std::string& sql) const;
 
  private:
   void Open(const std::string& file, int flags);

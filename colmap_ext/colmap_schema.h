@@ -1,0 +1,15 @@
+// What the readers and writers of COLMAP databases share about COLMAP's tables.
+
+#pragma once
+
+#include "colmap_ext/sqlite.h"
+
+#include <string>
+
+namespace dgsfm {
+
+// Throws std::runtime_error naming the file and the missing table unless the
+// database has the tables that all COLMAP versions from 3.8 to 4.2 create.
+void CheckIsColmapDatabase(const SqliteConnection& connection);
+
+}  // namespace dgsfm

@@ -1,0 +1,381 @@
+#include "colmap_ext/scene_database.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/colmap_schema.h"
+
+#include <colmap/base/camera_models.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace dgsfm {
+namespace {
+
+// Image ids are smaller, so that a pair id fits into 64 bits.
+constexpr colmap::image_pair_t kMaxNumImages = 2147483647;
+
+// Sensor type of cameras in the tables rigs and rig_sensors.
+constexpr char kMultiCameraRigQuery[] =
+    "SELECT rig_id, sensor_id FROM rig_sensors WHERE sensor_type = 0 "
+    "EXCEPT SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = 0 "
+    "ORDER BY rig_id LIMIT 1";
+
+std::string CameraModelDescription(int64_t model_id) {
+  // Added by COLMAP after 3.8, from id 11 on.
+  static const std::vector<std::string> kNewerModels = {
+      "RAD_TAN_THIN_PRISM_FISHEYE",
+      "SIMPLE_DIVISION",
+      "DIVISION",
+      "SIMPLE_FISHEYE",
+      "FISHEYE",
+      "EUCM",
+      "EQUIRECTANGULAR"};
+  const int64_t newer_idx = model_id - 11;
+  std::string description = "camera model " + std::to_string(model_id);
+  if (newer_idx >= 0 && newer_idx < static_cast<int64_t>(kNewerModels.size())) {
+    description += " (" + kNewerModels[newer_idx] + ")";
+  }
+  return description;
+}
+
+bool IsLess(const colmap::FeatureMatch& a, const colmap::FeatureMatch& b) {
+  return a.point2D_idx1 != b.point2D_idx1 ? a.point2D_idx1 < b.point2D_idx1
+                                          : a.point2D_idx2 < b.point2D_idx2;
+}
+
+// Keeps the first of equal matches and the order.
+void RemoveDuplicates(colmap::FeatureMatches* matches) {
+  const auto is_not_less = [](const auto& a, const auto& b) {
+    return !IsLess(a, b);
+  };
+  // COLMAP writes matches in ascending order: nothing to do, usually.
+  if (std::adjacent_find(matches->begin(), matches->end(), is_not_less) ==
+      matches->end()) {
+    return;
+  }
+  std::set<std::pair<colmap::point2D_t, colmap::point2D_t>> seen;
+  const auto is_duplicate = [&seen](const colmap::FeatureMatch& match) {
+    return !seen.emplace(match.point2D_idx1, match.point2D_idx2).second;
+  };
+  matches->erase(std::remove_if(matches->begin(), matches->end(), is_duplicate),
+                 matches->end());
+}
+
+// Reads the tables in an order in which each can be checked against the ones
+// before.
+class SceneReader {
+ public:
+  explicit SceneReader(const SqliteConnection& connection)
+      : connection_(connection) {}
+
+  Scene Read() {
+    const SqliteTransaction snapshot(connection_,
+                                     SqliteTransaction::Kind::READ);
+    CheckIsColmapDatabase(connection_);
+    CheckRigs();
+    ReadCameras();
+    ReadImages();
+    ReadKeypoints();
+    scene_.verified_matches = ReadMatches(
+        "SELECT pair_id, rows, cols, data FROM two_view_geometries "
+        // Calibrated, uncalibrated, planar, panoramic, planar or panoramic,
+        // calibrated rig; the others are failures, watermarks and mixtures.
+        "WHERE rows != 0 AND config IN (2, 3, 4, 5, 6, 9)");
+    scene_.matches = ReadMatches(
+        "SELECT pair_id, rows, cols, data FROM matches WHERE rows != 0");
+    scene_.matches.insert(scene_.verified_matches.begin(),
+                          scene_.verified_matches.end());
+    return std::move(scene_);
+  }
+
+ private:
+  void CheckRigs() const {
+    if (!connection_.HasTable("rigs") || !connection_.HasTable("rig_sensors")) {
+      return;
+    }
+    SqliteStatement select(connection_, kMultiCameraRigQuery);
+    if (select.Step()) {
+      connection_.Fail(
+          "rig ",
+          select.Int(0),
+          " has more than one camera (such as camera ",
+          select.Int(1),
+          "); rigs are not supported, only images that move by themselves");
+    }
+  }
+
+  void ReadCameras() {
+    SqliteStatement select(connection_,
+                           "SELECT camera_id, model, width, height, params, "
+                           "prior_focal_length FROM cameras");
+    while (select.Step()) {
+      const colmap::Camera camera = ReadCamera(select);
+      scene_.cameras.emplace(camera.CameraId(), camera);
+    }
+  }
+
+  colmap::Camera ReadCamera(const SqliteStatement& row) const {
+    const int64_t camera_id = row.Int(0);
+    if (camera_id < 0 || camera_id >= colmap::kInvalidCameraId) {
+      connection_.Fail("camera id ", camera_id, " is out of range");
+    }
+    const int64_t model_id = row.Int(1);
+    if (model_id < std::numeric_limits<int>::min() ||
+        model_id > std::numeric_limits<int>::max() ||
+        !colmap::ExistsCameraModelWithId(static_cast<int>(model_id))) {
+      connection_.Fail(
+          "camera ",
+          camera_id,
+          ": ",
+          CameraModelDescription(model_id),
+          " is not supported; use one of COLMAP 3.8, e.g. SIMPLE_RADIAL");
+    }
+    const int64_t width = row.Int(2);
+    const int64_t height = row.Int(3);
+    if (width <= 0 || height <= 0) {
+      connection_.Fail(
+          "camera ", camera_id, ": image size ", width, " x ", height);
+    }
+    colmap::Camera camera;
+    camera.SetCameraId(static_cast<colmap::camera_t>(camera_id));
+    camera.SetModelId(static_cast<int>(model_id));
+    camera.SetWidth(static_cast<size_t>(width));
+    camera.SetHeight(static_cast<size_t>(height));
+    camera.SetParams(row.Blob<double>(4));
+    camera.SetPriorFocalLength(row.Int(5) != 0);
+    CheckParams(camera);
+    return camera;
+  }
+
+  void CheckParams(const colmap::Camera& camera) const {
+    if (!camera.VerifyParams()) {
+      connection_.Fail("camera ",
+                       camera.CameraId(),
+                       ": ",
+                       camera.NumParams(),
+                       " parameters, but model ",
+                       camera.ModelName(),
+                       " has ",
+                       camera.ParamsInfo());
+    }
+    for (const double param : camera.Params()) {
+      if (!std::isfinite(param)) {
+        connection_.Fail(
+            "camera ", camera.CameraId(), ": a parameter is not finite");
+      }
+    }
+    for (const size_t idx : camera.FocalLengthIdxs()) {
+      if (camera.Params(idx) <= 0) {
+        connection_.Fail("camera ",
+                         camera.CameraId(),
+                         ": focal length ",
+                         camera.Params(idx),
+                         " is not positive");
+      }
+    }
+  }
+
+  void ReadImages() {
+    SqliteStatement select(connection_,
+                           "SELECT image_id, name, camera_id FROM images");
+    while (select.Step()) {
+      const int64_t image_id = select.Int(0);
+      const std::string name = select.Text(1);
+      const int64_t camera_id = select.Int(2);
+      if (image_id < 0 || image_id >= static_cast<int64_t>(kMaxNumImages)) {
+        connection_.Fail("image ", name, ": id ", image_id, " is out of range");
+      }
+      if (camera_id < 0 || camera_id >= colmap::kInvalidCameraId ||
+          scene_.cameras.count(static_cast<colmap::camera_t>(camera_id)) == 0) {
+        connection_.Fail(
+            "image ", name, ": its camera ", camera_id, " does not exist");
+      }
+      colmap::Image image;
+      image.SetImageId(static_cast<colmap::image_t>(image_id));
+      image.SetName(name);
+      image.SetCameraId(static_cast<colmap::camera_t>(camera_id));
+      scene_.images.emplace(image.ImageId(), image);
+    }
+    if (scene_.images.empty()) {
+      connection_.Fail("has no images; run feature_extractor first");
+    }
+  }
+
+  void ReadKeypoints() {
+    SqliteStatement select(connection_,
+                           "SELECT image_id, rows, cols, data "
+                           "FROM keypoints JOIN images USING (image_id)");
+    while (select.Step()) {
+      colmap::Image& image =
+          scene_.images.at(static_cast<colmap::image_t>(select.Int(0)));
+      image.SetPoints2D(ReadPoints(select, image.Name()));
+    }
+  }
+
+  std::vector<Eigen::Vector2d> ReadPoints(const SqliteStatement& row,
+                                          const std::string& name) const {
+    const int64_t num_rows = row.Int(1);
+    const int64_t num_cols = row.Int(2);
+    const std::vector<float> data = row.Blob<float>(3);
+    if (num_rows == 0 && data.empty()) return std::vector<Eigen::Vector2d>();
+    if (num_cols != 2 && num_cols != 4 && num_cols != 6) {
+      connection_.Fail("image ",
+                       name,
+                       ": key points have ",
+                       num_cols,
+                       " columns, not 2, ",
+                       "4 or 6");
+    }
+    if (!IsSize(num_rows, num_cols, data.size())) {
+      connection_.Fail("image ",
+                       name,
+                       ": ",
+                       num_rows,
+                       " x ",
+                       num_cols,
+                       " key point values announced, ",
+                       data.size(),
+                       " stored");
+    }
+    std::vector<Eigen::Vector2d> points;
+    points.reserve(num_rows);
+    for (int64_t i = 0; i < num_rows; ++i) {
+      points.emplace_back(data[num_cols * i], data[num_cols * i + 1]);
+      if (!points.back().allFinite()) {
+        connection_.Fail(
+            "image ", name, ": position of key point ", i, " is not finite");
+      }
+    }
+    return points;
+  }
+
+  // The query returns pair_id, rows, cols, data.
+  std::map<colmap::image_pair_t, colmap::FeatureMatches> ReadMatches(
+      const std::string& query) const {
+    std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
+    SqliteStatement select(connection_, query);
+    while (select.Step()) {
+      const colmap::image_pair_t pair_id = CheckedPairId(select.Int(0));
+      matches.emplace_hint(
+          matches.end(), pair_id, ReadMatchesOfPair(select, pair_id));
+    }
+    return matches;
+  }
+
+  colmap::image_pair_t CheckedPairId(int64_t pair_id) const {
+    constexpr int64_t kMaxPairId = kMaxNumImages * kMaxNumImages;
+    if (pair_id < 0 || pair_id >= kMaxPairId) {
+      connection_.Fail("pair id ", pair_id, " is out of range");
+    }
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    for (const colmap::image_t image_id : {image_id1, image_id2}) {
+      if (scene_.images.count(image_id) == 0) {
+        connection_.Fail("matches of pair ",
+                         pair_id,
+                         " are between images ",
+                         image_id1,
+                         " and ",
+                         image_id2,
+                         ", but there is no image ",
+                         image_id,
+                         "; match again into a fresh database");
+      }
+    }
+    if (image_id1 >= image_id2) {
+      connection_.Fail("pair id ",
+                       pair_id,
+                       " stands for images ",
+                       image_id1,
+                       " and ",
+                       image_id2,
+                       ", which are not in ascending order");
+    }
+    return pair_id;
+  }
+
+  colmap::FeatureMatches ReadMatchesOfPair(const SqliteStatement& row,
+                                           colmap::image_pair_t pair_id) const {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const colmap::Image& image1 = scene_.images.at(image_id1);
+    const colmap::Image& image2 = scene_.images.at(image_id2);
+    const std::string pair = "pair " + image1.Name() + " - " + image2.Name();
+    const int64_t num_rows = row.Int(1);
+    const int64_t num_cols = row.Int(2);
+    const std::vector<uint32_t> data = row.Blob<uint32_t>(3);
+    if (num_cols != 2 || !IsSize(num_rows, num_cols, data.size())) {
+      connection_.Fail(pair,
+                       ": ",
+                       num_rows,
+                       " x ",
+                       num_cols,
+                       " match values announced, ",
+                       data.size(),
+                       " stored");
+    }
+    colmap::FeatureMatches matches(num_rows);
+    for (int64_t i = 0; i < num_rows; ++i) {
+      matches[i] = colmap::FeatureMatch(data[2 * i], data[2 * i + 1]);
+      CheckIndex(pair, image1, matches[i].point2D_idx1);
+      CheckIndex(pair, image2, matches[i].point2D_idx2);
+    }
+    RemoveDuplicates(&matches);
+    return matches;
+  }
+
+  void CheckIndex(const std::string& pair,
+                  const colmap::Image& image,
+                  colmap::point2D_t point2D_idx) const {
+    if (point2D_idx < image.NumPoints2D()) return;
+    if (image.NumPoints2D() == 0) {
+      connection_.Fail("image ",
+                       image.Name(),
+                       " has no key points, but ",
+                       pair,
+                       " has matches; extract and match features again");
+    }
+    connection_.Fail(pair,
+                     ": a match refers to key point ",
+                     point2D_idx,
+                     " of ",
+                     image.Name(),
+                     ", which has ",
+                     image.NumPoints2D(),
+                     "; match features again");
+  }
+
+  static bool IsSize(int64_t num_rows, int64_t num_cols, size_t num_values) {
+    return num_rows >= 0 && num_values % num_cols == 0 &&
+           num_values / num_cols == static_cast<size_t>(num_rows);
+  }
+
+  const SqliteConnection& connection_;
+  Scene scene_;
+};
+
+}  // namespace
+
+Scene ReadScene(const std::string& database_path,
+                std::chrono::milliseconds busy_timeout) {
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection).Read();
+}
+
+std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(
+    colmap::image_pair_t pair_id) {
+  DGSFM_CHECK(pair_id < kMaxNumImages * kMaxNumImages) << pair_id;
+  return {static_cast<colmap::image_t>(pair_id / kMaxNumImages),
+          static_cast<colmap::image_t>(pair_id % kMaxNumImages)};
+}
+
+colmap::image_pair_t PairIdOfImages(colmap::image_t image_id1,
+                                    colmap::image_t image_id2) {
+  DGSFM_CHECK(image_id1 < kMaxNumImages) << image_id1;
+  DGSFM_CHECK(image_id2 < kMaxNumImages) << image_id2;
+  return kMaxNumImages * std::min(image_id1, image_id2) +
+         std::max(image_id1, image_id2);
+}
+
+}  // namespace dgsfm
