@@ -1,0 +1,239 @@
+#include "sfm/depth_global_mapper.h"
+
+#include "colmap_ext/pose_access.h"
+#include "colmap_ext/synthetic/synthetic_scene_io.h"
+#include "estimators/pose_metrics.h"
+#include "tests/testing/test_dir.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+SyntheticSceneOptions SmallRing() {
+  SyntheticSceneOptions options;
+  options.num_images = 12;
+  options.num_points = 600;
+  options.depth_noise.log_scale_stddev = 0.2;
+  return options;
+}
+
+struct Outcome {
+  DepthGlobalMapperResult result;
+  PairGeometries pairs;
+  PoseMetrics metrics;  // of the largest model
+};
+
+std::map<std::string, Rigid3d> Poses(const colmap::Reconstruction& model) {
+  std::map<std::string, Rigid3d> poses;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    const colmap::Image& image = model.Image(image_id);
+    poses[image.Name()] = CamFromWorld(image);
+  }
+  return poses;
+}
+
+Outcome MapSynthetic(const SyntheticScene& synthetic,
+                     DepthGlobalMapperOptions options = {},
+                     bool use_depth = true) {
+  PairVerificationOptions verification;
+  verification.num_threads = 1;
+  options.num_threads = 1;
+  const Scene scene = SceneFromSynthetic(synthetic);
+  const KeypointDepthMap depths =
+      use_depth ? KeypointDepthsFromSynthetic(synthetic) : KeypointDepthMap();
+  Outcome outcome;
+  outcome.pairs = VerifyPairs(scene, depths, verification);
+  outcome.result =
+      DepthGlobalMapper(options, verification, scene, depths, PairScores())
+          .Run(&outcome.pairs);
+  if (!outcome.result.models.empty()) {
+    outcome.metrics =
+        EvaluatePoses(Poses(ReconstructionFromSynthetic(synthetic)),
+                      Poses(*outcome.result.models[0]));
+  }
+  return outcome;
+}
+
+double MaxError(const PoseMetrics& metrics) {
+  return *std::max_element(metrics.relative_errors_deg.begin(),
+                           metrics.relative_errors_deg.end());
+}
+
+// Radius of the ring of cameras is several metres.
+constexpr double kSceneSize = 10;
+
+TEST(DepthGlobalMapper, NoiseFreeSceneIsExactAndMetric) {
+  const SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 12);
+  // The project's bar for exact data: 1e-3 degrees, 1e-4 of the scene size,
+  // scales within 1e-4. What is left is the solvers' convergence tolerance.
+  EXPECT_LT(MaxError(outcome.metrics), 1e-3);
+  EXPECT_LT(outcome.metrics.max_center_error, 1e-4 * kSceneSize);
+  EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 1e-4);
+  for (const auto& [image_id, scale] : outcome.result.depth_scales) {
+    EXPECT_NEAR(scale / synthetic.images.at(image_id).depth_scale, 1, 1e-4);
+  }
+  EXPECT_EQ(outcome.result.depth_scales.size(), 12);
+}
+
+TEST(DepthGlobalMapper, UnknownFocalLengthsAreFound) {
+  SyntheticSceneOptions options = SmallRing();
+  options.known_focal_length = false;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 12);
+  // As above; bundle adjustment of exact data finds the exact focal length.
+  EXPECT_LT(MaxError(outcome.metrics), 1e-2);
+  for (const auto& [camera_id, camera] : outcome.result.models[0]->Cameras()) {
+    const double truth = synthetic.cameras.at(camera_id).MeanFocalLength();
+    EXPECT_NEAR(camera.MeanFocalLength() / truth, 1, 1e-4);
+  }
+}
+
+TEST(DepthGlobalMapper, PlainGlobalSfmWithoutDepth) {
+  const SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  const Outcome outcome =
+      MapSynthetic(synthetic, DepthGlobalMapperOptions(), /*use_depth=*/false);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 12);
+  EXPECT_LT(MaxError(outcome.metrics), 1e-3);
+  EXPECT_TRUE(outcome.result.depth_scales.empty());
+}
+
+TEST(DepthGlobalMapper, ImagesWithoutDepthTakePart) {
+  SyntheticSceneOptions options = SmallRing();
+  options.no_depth_ratio = 0.4;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 12);
+  EXPECT_LT(MaxError(outcome.metrics), 1e-3);
+  EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 1e-4);
+}
+
+TEST(DepthGlobalMapper, NoiseAndOutliersAreAveragedOut) {
+  SyntheticSceneOptions options = SmallRing();
+  options.image_noise_px = 0.5;
+  options.outlier_match_ratio = 0.3;
+  options.depth_noise.log_field_stddev = 0.05;
+  options.depth_noise.log_noise_stddev = 0.02;
+  options.depth_noise.outlier_ratio = 0.05;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 12);
+  // Half a pixel at a focal length of about 1000 px is 0.03 degrees for one
+  // point; hundreds of points share it, neighbours have short baselines.
+  EXPECT_LT(MaxError(outcome.metrics), 0.2);
+  // The smooth depth field moves each image's scale by up to its 5 %.
+  EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 0.05);
+}
+
+TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
+  SyntheticSceneOptions options = SmallRing();
+  options.num_images = 20;
+  options.num_components = 2;
+  options.num_points = 1000;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 2);
+  EXPECT_EQ(outcome.result.models[0]->NumRegImages(), 10);
+  EXPECT_EQ(outcome.result.models[1]->NumRegImages(), 10);
+  EXPECT_TRUE(outcome.result.unregistered_images.empty());
+
+  DepthGlobalMapperOptions only_largest;
+  only_largest.multiple_models = false;
+  const Outcome largest = MapSynthetic(synthetic, only_largest);
+  EXPECT_EQ(largest.result.models.size(), 1);
+  EXPECT_EQ(largest.result.unregistered_images.size(), 10);
+}
+
+TEST(DepthGlobalMapper, EveryStageCanBeSwitchedOff) {
+  const SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  using Options = DepthGlobalMapperOptions;
+  for (bool Options::*skip : {&Options::skip_pair_scores,
+                              &Options::skip_triplet_support,
+                              &Options::skip_focal_averaging,
+                              &Options::skip_reverification,
+                              &Options::skip_scale_averaging,
+                              &Options::skip_global_positioning,
+                              &Options::skip_bundle_adjustment,
+                              &Options::skip_retriangulation}) {
+    Options options;
+    options.*skip = true;
+    const Outcome outcome = MapSynthetic(synthetic, options);
+    ASSERT_EQ(outcome.result.models.size(), 1);
+    EXPECT_EQ(outcome.metrics.num_registered, 12);
+  }
+}
+
+TEST(DepthGlobalMapper, ExplainsWhyNothingIsRegistered) {
+  SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  synthetic.pairs.clear();
+  const Outcome outcome = MapSynthetic(synthetic);
+  EXPECT_TRUE(outcome.result.models.empty());
+  ASSERT_EQ(outcome.result.unregistered_images.size(), 12);
+  EXPECT_EQ(outcome.result.unregistered_images.at(1),
+            "no matches with other images");
+}
+
+std::string FileContent(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream content;
+  content << file.rdbuf();
+  return content.str();
+}
+
+TEST(DepthGlobalMapper, OneThreadGivesTheSameBytesTwice) {
+  SyntheticSceneOptions options = SmallRing();
+  options.image_noise_px = 0.5;
+  options.outlier_match_ratio = 0.2;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const std::string dir = CreateTestDir();
+  const Outcome first = MapSynthetic(synthetic);
+  const Outcome second = MapSynthetic(synthetic);
+  for (const std::string file : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    first.result.models[0]->Write(dir);
+    const std::string bytes = FileContent(dir + "/" + file);
+    second.result.models[0]->Write(dir);
+    EXPECT_FALSE(bytes.empty());
+    EXPECT_TRUE(bytes == FileContent(dir + "/" + file)) << file;
+  }
+}
+
+TEST(VerifyPairs, ResultDoesNotDependOnThreads) {
+  SyntheticSceneOptions options = SmallRing();
+  options.image_noise_px = 0.5;
+  options.outlier_match_ratio = 0.4;
+  options.known_focal_length = false;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Scene scene = SceneFromSynthetic(synthetic);
+  const KeypointDepthMap depths = KeypointDepthsFromSynthetic(synthetic);
+  PairVerificationOptions verification;
+  verification.num_threads = 1;
+  const PairGeometries one = VerifyPairs(scene, depths, verification);
+  verification.num_threads = 3;
+  const PairGeometries three = VerifyPairs(scene, depths, verification);
+  ASSERT_EQ(one.size(), three.size());
+  for (const auto& [pair_id, pair] : one) {
+    const PairGeometry& other = three.at(pair_id);
+    EXPECT_EQ(pair.status, other.status);
+    EXPECT_EQ(pair.cam2_from_cam1.translation,
+              other.cam2_from_cam1.translation);
+    EXPECT_EQ(pair.cam2_from_cam1.rotation.coeffs(),
+              other.cam2_from_cam1.rotation.coeffs());
+    EXPECT_EQ(pair.inlier_matches.size(), other.inlier_matches.size());
+  }
+}
+
+}  // namespace
+}  // namespace dgsfm
