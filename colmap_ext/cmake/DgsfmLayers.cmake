@@ -12,11 +12,20 @@ function(dgsfm_add_layer NAME)
   file(GLOB_RECURSE SOURCES CONFIGURE_DEPENDS *.cc *.h)
   list(FILTER SOURCES EXCLUDE REGEX "/main\\.cc$")
   add_library(${NAME} STATIC ${SOURCES})
+  add_library(dgsfm::${NAME} ALIAS ${NAME})
+  target_compile_features(${NAME} PUBLIC cxx_std_17)
   target_include_directories(${NAME} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
-    $<INSTALL_INTERFACE:include/dgsfm>)
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/dgsfm>)
   target_link_libraries(${NAME} PUBLIC ${LAYER_LINK} PRIVATE
     $<BUILD_INTERFACE:dgsfm_warnings>)
+  # A library "estimators" of ours must not be taken for somebody else's.
+  set_target_properties(${NAME} PROPERTIES OUTPUT_NAME dgsfm_${NAME})
+  install(TARGETS ${NAME} EXPORT dgsfm
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/dgsfm
+          FILES_MATCHING PATTERN "*.h" PATTERN "cmake" EXCLUDE)
 endfunction()
 
 function(dgsfm_add_layer_test NAME)
