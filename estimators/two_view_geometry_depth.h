@@ -10,6 +10,8 @@
 
 #include "colmap_ext/rigid3.h"
 
+#include <colmap/util/alignment.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>

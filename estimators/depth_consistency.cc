@@ -1,0 +1,84 @@
+#include "estimators/depth_consistency.h"
+
+#include "colmap_ext/check.h"
+#include "estimators/two_view_residuals.h"
+
+#include <cmath>
+
+namespace dgsfm {
+namespace {
+
+bool IsUsable(double depth) { return depth > 0 && std::isfinite(depth); }
+
+}  // namespace
+
+bool DepthConsistencyOptions::IsValid(std::string* error) const {
+  bool ok = true;
+  const auto check = [&](double value, const char* name) {
+    if (value > 0) return;
+    ok = false;
+    if (error) {
+      *error +=
+          std::string(name) + " = " + std::to_string(value) + " must be > 0\n";
+    }
+  };
+  check(max_reprojection_error_px, "max_reprojection_error_px");
+  check(max_depth_error_ratio, "max_depth_error_ratio");
+  return ok;
+}
+
+std::vector<DepthVerdict> CheckDepthConsistency(
+    const DepthMatches& matches,
+    const Rigid3d& cam2_from_cam1,
+    double scale_1_from_2,
+    double focal_length1_px,
+    double focal_length2_px,
+    const DepthConsistencyOptions& options) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(scale_1_from_2 > 0) << "scale_1_from_2 = " << scale_1_from_2;
+  DGSFM_CHECK(focal_length1_px > 0 && focal_length2_px > 0)
+      << focal_length1_px << ", " << focal_length2_px;
+  const size_t size = matches.points1.size();
+  DGSFM_CHECK(matches.points2.size() == size &&
+              matches.depths1.size() == size && matches.depths2.size() == size);
+
+  TwoViewModel model;
+  model.rotation = cam2_from_cam1.rotation.normalized().toRotationMatrix();
+  model.translation = cam2_from_cam1.translation;
+  model.scale = scale_1_from_2;
+  model.focal1 = focal_length1_px;
+  model.focal2 = focal_length2_px;
+
+  const auto passes = [&](const Transfer& transfer) {
+    return transfer.error_px.norm() < options.max_reprojection_error_px &&
+           std::abs(std::expm1(transfer.log_depth_ratio)) <
+               options.max_depth_error_ratio;
+  };
+  std::vector<DepthVerdict> verdicts(size, DepthVerdict::UNTESTED);
+  for (size_t i = 0; i < size; ++i) {
+    if (!IsUsable(matches.depths1[i]) || !IsUsable(matches.depths2[i])) {
+      continue;
+    }
+    Transfer forward, backward;
+    const bool consistent = TransferForward(model,
+                                            matches.points1[i],
+                                            matches.depths1[i],
+                                            matches.points2[i],
+                                            matches.depths2[i],
+                                            &forward) &&
+                            passes(forward) &&
+                            TransferBackward(model,
+                                             matches.points1[i],
+                                             matches.depths1[i],
+                                             matches.points2[i],
+                                             matches.depths2[i],
+                                             &backward) &&
+                            passes(backward);
+    verdicts[i] =
+        consistent ? DepthVerdict::CONSISTENT : DepthVerdict::INCONSISTENT;
+  }
+  return verdicts;
+}
+
+}  // namespace dgsfm

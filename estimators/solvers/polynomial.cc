@@ -1,0 +1,138 @@
+#include "estimators/solvers/polynomial.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace dgsfm {
+namespace {
+
+// Below this share of the largest coefficient the leading one is rounding.
+constexpr double kNegligible = 1e-14;
+// Newton doubles the digits: closed forms give 5 to 8 of them in bad cases.
+constexpr int kNumNewtonSteps = 3;
+
+template <size_t N>
+bool IsLowerDegree(const std::array<double, N>& c) {
+  double largest = 0;
+  for (const double value : c) largest = std::max(largest, std::abs(value));
+  return std::abs(c[0]) <= kNegligible * largest;
+}
+
+template <size_t N>
+bool IsFinite(const std::array<double, N>& c) {
+  return std::all_of(
+      c.begin(), c.end(), [](double value) { return std::isfinite(value); });
+}
+
+template <size_t N>
+void Polish(const std::array<double, N>& c, RealRoots* roots) {
+  for (int i = 0; i < roots->count; ++i) {
+    double x = roots->values[i];
+    double last_step = std::abs(x) + 1;
+    for (int step = 0; step < kNumNewtonSteps; ++step) {
+      double value = c[0];
+      double slope = 0;
+      for (size_t k = 1; k < N; ++k) {
+        slope = slope * x + value;
+        value = value * x + c[k];
+      }
+      const double dx = value / slope;
+      // Near a double root Newton leaves the neighbourhood: keep what we have.
+      if (!(std::abs(dx) < last_step)) break;
+      x -= dx;
+      last_step = std::abs(dx);
+    }
+    roots->values[i] = x;
+  }
+}
+
+// x^2 + b x + c without cancellation.
+void AddQuadraticRoots(double b, double c, double shift, RealRoots* roots) {
+  double discriminant = b * b - 4 * c;
+  const double noise = 1e-12 * (b * b + std::abs(4 * c));
+  if (discriminant < -noise) return;
+  discriminant = std::max(discriminant, 0.0);
+  const double q = -0.5 * (b + std::copysign(std::sqrt(discriminant), b));
+  roots->Add(q - shift);
+  roots->Add(q == 0 ? -shift : c / q - shift);
+}
+
+// Largest real root of x^3 + b x^2 + c x + d.
+double LargestCubicRoot(double b, double c, double d) {
+  const double q = (b * b - 3 * c) / 9;
+  const double r = (b * (2 * b * b - 9 * c) + 27 * d) / 54;
+  if (r * r < q * q * q) {
+    const double theta =
+        std::acos(std::clamp(r / (q * std::sqrt(q)), -1.0, 1.0));
+    // The three roots are -2 sqrt(q) cos((theta + 2 pi k) / 3) - b / 3.
+    return -2 * std::sqrt(q) * std::cos((theta + 2 * M_PI) / 3) - b / 3;
+  }
+  const double a = -std::copysign(
+      std::cbrt(std::abs(r) + std::sqrt(std::max(r * r - q * q * q, 0.0))), r);
+  return a + (a == 0 ? 0 : q / a) - b / 3;
+}
+
+}  // namespace
+
+RealRoots SolveQuadratic(const std::array<double, 3>& c) {
+  RealRoots roots;
+  if (!IsFinite(c)) return roots;
+  if (IsLowerDegree(c)) {
+    if (c[1] != 0) roots.Add(-c[2] / c[1]);
+    return roots;
+  }
+  AddQuadraticRoots(c[1] / c[0], c[2] / c[0], 0, &roots);
+  return roots;
+}
+
+RealRoots SolveCubic(const std::array<double, 4>& c) {
+  if (!IsFinite(c)) return {};
+  if (IsLowerDegree(c)) return SolveQuadratic({c[1], c[2], c[3]});
+  const double b = c[1] / c[0];
+  const double d = c[2] / c[0];
+  RealRoots roots;
+  roots.Add(LargestCubicRoot(b, d, c[3] / c[0]));
+  Polish(c, &roots);
+  // Deflate by the root found: x^2 + (b + x0) x + (d + (b + x0) x0).
+  const double x0 = roots.values[0];
+  AddQuadraticRoots(b + x0, d + (b + x0) * x0, 0, &roots);
+  Polish(c, &roots);
+  return roots;
+}
+
+RealRoots SolveQuartic(const std::array<double, 5>& c) {
+  if (!IsFinite(c)) return {};
+  if (IsLowerDegree(c)) return SolveCubic({c[1], c[2], c[3], c[4]});
+  const double a3 = c[1] / c[0];
+  const double a2 = c[2] / c[0];
+  const double a1 = c[3] / c[0];
+  const double a0 = c[4] / c[0];
+  // Depressed: y^4 + p y^2 + q y + r with x = y - a3 / 4.
+  const double shift = a3 / 4;
+  const double p = a2 - 6 * shift * shift;
+  const double q = a1 + shift * (8 * shift * shift - 2 * a2);
+  const double r = a0 - shift * (a1 - shift * (a2 - 3 * shift * shift));
+  // (y^2 + p/2 + m)^2 = 2 m (y - q / (4 m))^2 where m solves the resolvent.
+  const double m = LargestCubicRoot(p, p * p / 4 - r, -q * q / 8);
+  RealRoots roots;
+  if (m > 1e-14 * std::abs(p)) {
+    const double root_2m = std::sqrt(2 * m);
+    const double offset = q / (2 * root_2m);
+    AddQuadraticRoots(-root_2m, p / 2 + m + offset, shift, &roots);
+    AddQuadraticRoots(root_2m, p / 2 + m - offset, shift, &roots);
+  } else {
+    RealRoots squares;
+    AddQuadraticRoots(p, r, 0, &squares);
+    for (int i = 0; i < squares.count; ++i) {
+      if (squares.values[i] < 0) continue;
+      const double y = std::sqrt(squares.values[i]);
+      roots.Add(y - shift);
+      roots.Add(-y - shift);
+    }
+  }
+  Polish(c, &roots);
+  return roots;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,330 @@
+#include "estimators/solvers/relative_pose_depth.h"
+
+#include "estimators/solvers/polynomial.h"
+
+#include <cmath>
+#include <cstddef>
+
+#include <Eigen/LU>
+
+namespace dgsfm {
+namespace {
+
+using Triangle = std::array<Eigen::Vector3d, 3>;
+
+// Sine of the angle at the first corner below which a triangle counts as a
+// line: its normal is then mostly rounding or noise.
+constexpr double kMinTriangleSine = 1e-6;
+
+template <size_t N>
+using Polynomial = std::array<double, N>;  // c[0] + c[1] x + ...
+
+template <size_t N, size_t M>
+Polynomial<N + M - 1> operator*(const Polynomial<N>& a,
+                                const Polynomial<M>& b) {
+  Polynomial<N + M - 1> product{};
+  for (size_t i = 0; i < N; ++i) {
+    for (size_t j = 0; j < M; ++j) product[i + j] += a[i] * b[j];
+  }
+  return product;
+}
+
+template <size_t N>
+Polynomial<N> operator+(Polynomial<N> a, const Polynomial<N>& b) {
+  for (size_t i = 0; i < N; ++i) a[i] += b[i];
+  return a;
+}
+
+template <size_t N>
+Polynomial<N> operator*(double factor, Polynomial<N> a) {
+  for (double& value : a) value *= factor;
+  return a;
+}
+
+Triangle Lift(const std::array<Eigen::Vector2d, 3>& points,
+              const std::array<double, 3>& depths,
+              double focal) {
+  Triangle triangle;
+  for (int i = 0; i < 3; ++i) {
+    triangle[i] << points[i] * (depths[i] / focal), depths[i];
+  }
+  return triangle;
+}
+
+// Columns: along the first side, in the plane, along the normal.
+bool TriangleFrame(const Triangle& triangle, Eigen::Matrix3d* frame) {
+  const Eigen::Vector3d side12 = triangle[1] - triangle[0];
+  const Eigen::Vector3d side13 = triangle[2] - triangle[0];
+  const Eigen::Vector3d normal = side12.cross(side13);
+  if (!(normal.norm() > kMinTriangleSine * side12.norm() * side13.norm())) {
+    return false;
+  }
+  frame->col(0) = side12.normalized();
+  frame->col(2) = normal.normalized();
+  frame->col(1) = frame->col(2).cross(frame->col(0));
+  return true;
+}
+
+// Adds the model that moves triangle 1 onto triangle 2.
+void AddAligned(const Triangle& triangle1,
+                const Triangle& triangle2,
+                double scale,
+                double focal1,
+                double focal2,
+                TwoViewModels* models) {
+  Eigen::Matrix3d frame1, frame2;
+  if (!TriangleFrame(triangle1, &frame1) ||
+      !TriangleFrame(triangle2, &frame2)) {
+    return;
+  }
+  TwoViewModel model;
+  model.rotation = frame2 * frame1.transpose();
+  model.translation =
+      (triangle2[0] + triangle2[1] + triangle2[2] -
+       model.rotation * (triangle1[0] + triangle1[1] + triangle1[2])) /
+      3;
+  model.scale = scale;
+  model.focal1 = focal1;
+  model.focal2 = focal2;
+  if (model.IsFinite()) models->Add(model);
+}
+
+// The coefficients of (E_k) in units in which depths and points are of order
+// one: mixed units would ruin pivots and tolerances.
+struct SideEquations {
+  double depth_unit1 = 0;
+  double depth_unit2 = 0;
+  double point_unit1 = 0;
+  double point_unit2 = 0;
+  DepthTriplet triplet;                  // in these units
+  std::array<double, 3> g1, h1, g2, h2;  // sides 12, 13, 23
+
+  SideEquations(const DepthTriplet& in, bool shared_point_unit) {
+    for (int i = 0; i < 3; ++i) {
+      depth_unit1 += in.depths1[i] / 3;
+      depth_unit2 += in.depths2[i] / 3;
+      point_unit1 += in.points1[i].norm() / 3;
+      point_unit2 += in.points2[i].norm() / 3;
+    }
+    if (shared_point_unit) {
+      point_unit1 = point_unit2 = (point_unit1 + point_unit2) / 2;
+    }
+    for (int i = 0; i < 3; ++i) {
+      triplet.points1[i] = in.points1[i] / point_unit1;
+      triplet.points2[i] = in.points2[i] / point_unit2;
+      triplet.depths1[i] = in.depths1[i] / depth_unit1;
+      triplet.depths2[i] = in.depths2[i] / depth_unit2;
+    }
+    constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
+    for (int k = 0; k < 3; ++k) {
+      const auto [i, j] = kCorners[k];
+      Coefficients(triplet.points1, triplet.depths1, i, j, &g1[k], &h1[k]);
+      Coefficients(triplet.points2, triplet.depths2, i, j, &g2[k], &h2[k]);
+    }
+  }
+
+  static void Coefficients(const std::array<Eigen::Vector2d, 3>& points,
+                           const std::array<double, 3>& depths,
+                           int i,
+                           int j,
+                           double* g,
+                           double* h) {
+    *g = (depths[i] * points[i] - depths[j] * points[j]).squaredNorm();
+    *h = (depths[i] - depths[j]) * (depths[i] - depths[j]);
+  }
+
+  // scale and focal lengths in our units, triangle 2 with unit scale.
+  void AddModel(const Triangle& triangle2,
+                double scale,
+                double focal1,
+                double focal2,
+                TwoViewModels* models) const {
+    Triangle scaled2 = triangle2;
+    for (Eigen::Vector3d& corner : scaled2) corner *= scale * depth_unit1;
+    Triangle triangle1 = Lift(triplet.points1, triplet.depths1, focal1);
+    for (Eigen::Vector3d& corner : triangle1) corner *= depth_unit1;
+    AddAligned(triangle1,
+               scaled2,
+               scale * depth_unit1 / depth_unit2,
+               focal1 * point_unit1,
+               focal2 * point_unit2,
+               models);
+  }
+};
+
+// Gauss-Newton on the three law-of-cosines equations of P3P.
+void PolishDepths(const Eigen::Matrix3d& dots,
+                  const Eigen::Vector3d& sq_sides,
+                  Eigen::Vector3d* z) {
+  constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
+  for (int step = 0; step < 2; ++step) {
+    Eigen::Vector3d residual;
+    Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
+    for (int k = 0; k < 3; ++k) {
+      const auto [i, j] = kCorners[k];
+      const double zi = (*z)(i);
+      const double zj = (*z)(j);
+      residual(k) = zi * zi * dots(i, i) + zj * zj * dots(j, j) -
+                    2 * zi * zj * dots(i, j) - sq_sides(k);
+      J(k, i) = 2 * (zi * dots(i, i) - zj * dots(i, j));
+      J(k, j) = 2 * (zj * dots(j, j) - zi * dots(i, j));
+    }
+    const Eigen::Vector3d dz = J.inverse() * residual;
+    // Singular on the danger cylinder: the closed form is then as good.
+    if (!(dz.norm() < 0.1 * z->norm())) return;
+    *z -= dz;
+  }
+}
+
+}  // namespace
+
+TwoViewModels SolveP3PScale(const DepthTriplet& triplet) {
+  TwoViewModels models;
+  const Triangle triangle1 = Lift(triplet.points1, triplet.depths1, 1);
+  const Eigen::Vector3d sq_sides((triangle1[0] - triangle1[1]).squaredNorm(),
+                                 (triangle1[0] - triangle1[2]).squaredNorm(),
+                                 (triangle1[1] - triangle1[2]).squaredNorm());
+  Eigen::Matrix3d rays;
+  for (int i = 0; i < 3; ++i) rays.col(i) = triplet.points2[i].homogeneous();
+  const Eigen::Matrix3d dots = rays.transpose() * rays;
+
+  // Depth ratios u = z2 / z1, v = z3 / z1; the sides 12 : 13 : 23 give
+  //   A = m11 + m22 u^2 - 2 m12 u,  d12 (m11 + m33 v^2 - 2 m13 v) = d13 A,
+  //   d12 (m22 u^2 + m33 v^2 - 2 m23 u v) = d23 A.
+  // Their difference is linear in v = P(u) / Q(u), the first then quartic.
+  const double d12 = sq_sides(0);
+  const double d13 = sq_sides(1);
+  const double d23 = sq_sides(2);
+  const Polynomial<3> A = {dots(0, 0), -2 * dots(0, 1), dots(1, 1)};
+  const Polynomial<3> P =
+      (d23 - d13) * A + Polynomial<3>{d12 * dots(0, 0), 0, -d12 * dots(1, 1)};
+  const Polynomial<2> Q = {2 * d12 * dots(0, 2), -2 * d12 * dots(1, 2)};
+  const Polynomial<3> QQ = Q * Q;
+  const Polynomial<4> PQ = P * Q;
+  const Polynomial<5> quartic =
+      QQ * (Polynomial<3>{d12 * dots(0, 0), 0, 0} + (-d13) * A) +
+      (d12 * dots(2, 2)) * (P * P) +
+      (-2 * d12 * dots(0, 2)) * Polynomial<5>{PQ[0], PQ[1], PQ[2], PQ[3], 0};
+  const RealRoots roots = SolveQuartic(
+      {quartic[4], quartic[3], quartic[2], quartic[1], quartic[0]});
+
+  for (int i = 0; i < roots.count; ++i) {
+    const double u = roots.values[i];
+    const double v = (P[0] + u * (P[1] + u * P[2])) / (Q[0] + u * Q[1]);
+    const double ratio = A[0] + u * (A[1] + u * A[2]);
+    if (!(u > 0 && v > 0 && ratio > 0)) continue;
+    const double z1 = std::sqrt(d12 / ratio);
+    Eigen::Vector3d z(z1, u * z1, v * z1);
+    PolishDepths(dots, sq_sides, &z);
+    if (!(z.minCoeff() > 0)) continue;
+    double log_scale = 0;
+    Triangle triangle2;
+    for (int k = 0; k < 3; ++k) {
+      triangle2[k] = z(k) * rays.col(k);
+      log_scale += std::log(z(k) / triplet.depths2[k]) / 3;
+    }
+    AddAligned(triangle1, triangle2, std::exp(log_scale), 1, 1, &models);
+  }
+  return models;
+}
+
+TwoViewModels SolveTwoFocals(const DepthTriplet& triplet) {
+  const SideEquations sides(triplet, /*shared_point_unit=*/false);
+  Eigen::Matrix3d coefficients;
+  Eigen::Vector3d constants;
+  for (int k = 0; k < 3; ++k) {
+    coefficients.row(k) << sides.g1[k], -sides.g2[k], -sides.h2[k];
+    constants(k) = -sides.h1[k];
+  }
+  const Eigen::Vector3d solution = coefficients.partialPivLu().solve(constants);
+  TwoViewModels models;
+  const double phi = solution(0);
+  const double sq_scale = solution(2);
+  const double psi = solution(1) / sq_scale;
+  if (!(phi > 0 && psi > 0 && sq_scale > 0)) return models;
+  const double focal2 = 1 / std::sqrt(psi);
+  sides.AddModel(Lift(sides.triplet.points2, sides.triplet.depths2, focal2),
+                 std::sqrt(sq_scale),
+                 1 / std::sqrt(phi),
+                 focal2,
+                 &models);
+  return models;
+}
+
+TwoViewModels SolveOneSidedFocal(const DepthTriplet& triplet) {
+  const SideEquations sides(triplet, /*shared_point_unit=*/false);
+  const double phi = sides.point_unit1 * sides.point_unit1;
+  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d right = Eigen::Vector2d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const double length = sides.g1[k] * phi + sides.h1[k];
+    const Eigen::Vector2d row =
+        Eigen::Vector2d(sides.g2[k], sides.h2[k]) / length;
+    normal += row * row.transpose();
+    right += row;
+  }
+  const Eigen::Vector2d solution = normal.inverse() * right;
+  TwoViewModels models;
+  const double sq_scale = solution(1);
+  const double psi = solution(0) / sq_scale;
+  if (!(psi > 0 && sq_scale > 0)) return models;
+  const double focal2 = 1 / std::sqrt(psi);
+  sides.AddModel(Lift(sides.triplet.points2, sides.triplet.depths2, focal2),
+                 std::sqrt(sq_scale),
+                 1 / sides.point_unit1,
+                 focal2,
+                 &models);
+  return models;
+}
+
+TwoViewModels SolveSharedFocal(const DepthTriplet& triplet) {
+  const SideEquations sides(triplet, /*shared_point_unit=*/true);
+  const auto& y = sides.triplet.points2;
+  const double b1 = sides.triplet.depths2[0];
+  const double b2 = sides.triplet.depths2[1];
+  const double m1 = y[0].squaredNorm();
+  const double m2 = y[1].squaredNorm();
+  const double m3 = y[2].squaredNorm();
+  const double m13 = y[0].dot(y[2]);
+  const double m23 = y[1].dot(y[2]);
+
+  // Unknowns phi and Y = b_3. s^2 = L / M from E_12; with it
+  //   E_13: (g13 phi + h13) M = L |Y_1 - Y_3|^2, likewise E_23;
+  // their difference gives Y = N / (L D).
+  const Polynomial<2> L = {sides.h1[0], sides.g1[0]};
+  const Polynomial<2> M = {sides.h2[0], sides.g2[0]};
+  const Polynomial<2> E13 = {sides.h1[1], sides.g1[1]};
+  const Polynomial<2> E23 = {sides.h1[2], sides.g1[2]};
+  const Polynomial<2> sq_range1 = {b1 * b1, b1 * b1 * m1};
+  const Polynomial<2> sq_range2 = {b2 * b2, b2 * b2 * m2};
+  const Polynomial<2> D = {2 * (b1 - b2), 2 * (b1 * m13 - b2 * m23)};
+  const Polynomial<3> N = L * (sq_range1 + (-1.0) * sq_range2) +
+                          (-1.0) * (M * (E13 + (-1.0) * E23));
+  const Polynomial<3> LD = L * D;
+  const Polynomial<6> quintic =
+      LD * ((E13 * M) * D + (-1.0) * (sq_range1 * LD)) +
+      (2 * b1) * ((N * LD) * Polynomial<2>{1, m13}) +
+      (-1.0) * ((N * N) * Polynomial<2>{1, m3});
+  // phi = 0 is always a root (infinite focal length): divide it out.
+  const RealRoots roots = SolveQuartic(
+      {quintic[5], quintic[4], quintic[3], quintic[2], quintic[1]});
+
+  TwoViewModels models;
+  for (int i = 0; i < roots.count; ++i) {
+    const double phi = roots.values[i];
+    if (!(phi > 0)) continue;
+    const double sq_scale = (L[0] + L[1] * phi) / (M[0] + M[1] * phi);
+    const double depth3 = (N[0] + phi * (N[1] + phi * N[2])) /
+                          (LD[0] + phi * (LD[1] + phi * LD[2]));
+    if (!(sq_scale > 0 && depth3 > 0)) continue;
+    const double focal = 1 / std::sqrt(phi);
+    sides.AddModel(Lift(y, {b1, b2, depth3}, focal),
+                   std::sqrt(sq_scale),
+                   focal,
+                   focal,
+                   &models);
+  }
+  return models;
+}
+
+}  // namespace dgsfm
