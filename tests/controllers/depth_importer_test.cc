@@ -1,0 +1,305 @@
+#include "controllers/depth_importer.h"
+
+#include "colmap_ext/depth_database.h"
+#include "colmap_ext/scene_database.h"
+#include "controllers/commands.h"
+#include "tests/testing/colmap_database.h"
+#include "tests/testing/test_dir.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr int kPinhole = 1;
+const std::vector<Eigen::Vector2d> kNoKeypoints;
+
+std::string ReadBytes(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+class DepthImporter : public testing::Test {
+ protected:
+  // Images of 30 x 20 pixels: sub/a.jpg and b.jpg with key points, c.jpg
+  // without.
+  void SetUp() override {
+    const std::string dir = CreateTestDir();
+    database_path_ = dir + "/database.db";
+    depth_path_ = dir + "/depth";
+    fs::create_directories(depth_path_ + "/sub");
+    ColmapDatabaseWriter writer(database_path_, ColmapSchema::V4_2);
+    const auto camera_id = writer.AddCamera(kPinhole, 30, 20, {30, 30, 15, 10});
+    image_id1_ = writer.AddImage("sub/a.jpg", camera_id, {{5, 5}, {25, 15}});
+    image_id2_ = writer.AddImage("b.jpg", camera_id, {{5, 5}});
+    image_id3_ = writer.AddImage("c.jpg", camera_id, kNoKeypoints);
+  }
+
+  // A 3 x 2 map whose left column is unknown.
+  void WriteMap(const std::string& file, float depth) const {
+    WriteDepthNpy(depth_path_ + "/" + file,
+                  {3, 2, DepthUnit::METRIC, {0, depth, depth, 0, depth, depth}},
+                  NpyPrecision::SINGLE);
+  }
+
+  DepthImportSummary Import(const DepthImportOptions& options = {}) const {
+    return ImportDepthMaps(database_path_, depth_path_, options);
+  }
+
+  // Expects an error with all these parts, and an unchanged database.
+  void ExpectError(const std::vector<std::string>& parts) const {
+    const std::string before = ReadBytes(database_path_);
+    try {
+      Import();
+      ADD_FAILURE() << "accepted, expected: " << parts.front();
+    } catch (const std::runtime_error& error) {
+      for (const std::string& part : parts) {
+        EXPECT_THAT(error.what(), HasSubstr(part));
+      }
+    }
+    EXPECT_EQ(ReadBytes(database_path_), before);
+  }
+
+  std::string database_path_;
+  std::string depth_path_;
+  colmap::image_t image_id1_ = 0;
+  colmap::image_t image_id2_ = 0;
+  colmap::image_t image_id3_ = 0;
+};
+
+TEST_F(DepthImporter, StoresMapsAndSamples) {
+  WriteMap("sub/a.jpg.npy", 2);
+  WriteMap("c.npy", 3);
+  WriteMap("other.npy", 4);
+  DepthImportOptions options;
+  options.reading.unit = DepthUnit::RELATIVE;
+  options.reading.scale = 10;
+  const DepthImportSummary summary = Import(options);
+
+  ASSERT_EQ(summary.imported.size(), 2);
+  EXPECT_EQ(summary.imported[0].name, "sub/a.jpg");
+  EXPECT_EQ(summary.imported[0].file, "sub/a.jpg.npy");
+  EXPECT_EQ(summary.imported[0].width, 3);
+  EXPECT_EQ(summary.imported[0].height, 2);
+  EXPECT_DOUBLE_EQ(summary.imported[0].coverage, 2.0 / 3.0);
+  EXPECT_EQ(summary.imported[0].num_keypoints, 2);
+  EXPECT_EQ(summary.imported[0].num_keypoints_with_depth, 1);
+  EXPECT_EQ(summary.imported[1].name, "c.jpg");
+  EXPECT_EQ(summary.imported[1].num_keypoints, 0);
+  EXPECT_THAT(summary.images_without_depth, ElementsAre("b.jpg"));
+  EXPECT_THAT(summary.files_without_image, ElementsAre("other.npy"));
+
+  const DepthDatabase database(database_path_, DepthDatabase::Mode::READ_ONLY);
+  const DepthMap depth_map = database.ReadDepthMap(image_id1_);
+  EXPECT_EQ(depth_map.unit, DepthUnit::RELATIVE);
+  EXPECT_THAT(depth_map.values, ElementsAre(0, 20, 20, 0, 20, 20));
+  EXPECT_FALSE(database.HasDepthMap(image_id2_));
+  EXPECT_TRUE(database.HasDepthMap(image_id3_));
+  const auto depths = database.ReadAllKeypointDepths();
+  EXPECT_EQ(depths.at(image_id1_).unit, DepthUnit::RELATIVE);
+  EXPECT_THAT(depths.at(image_id1_).depths, ElementsAre(0, 20));
+  EXPECT_EQ(depths.count(image_id2_), 0);
+}
+
+TEST_F(DepthImporter, SummaryAsText) {
+  WriteMap("sub/a.npy", 2);
+  WriteMap("z.npy", 2);
+  EXPECT_EQ(Import().ToText(),
+            "sub/a.jpg: 3 x 2 map, 66.7 % known, 1 of 2 key points with depth "
+            "(50.0 %)\n"
+            "file without image: z.npy\n"
+            "image without depth: b.jpg\n"
+            "image without depth: c.jpg\n"
+            "imported 1 of 3 images, 1 key points with depth (50.0 %)\n");
+}
+
+TEST_F(DepthImporter, ReplacesEarlierImportAndItsGeometries) {
+  WriteMap("b.npy", 2);
+  WriteMap("c.npy", 2);
+  Import();
+  {
+    DepthDatabase database(database_path_, DepthDatabase::Mode::READ_WRITE);
+    PairGeometry geometry;
+    geometry.status = PairStatus::TOO_FEW_MATCHES;
+    database.WritePairGeometries(
+        {{PairIdOfImages(image_id1_, image_id2_), geometry}});
+  }
+  fs::remove(depth_path_ + "/c.npy");
+  WriteMap("b.npy", 5);
+  const DepthImportSummary summary = Import();
+  EXPECT_THAT(summary.images_without_depth, ElementsAre("sub/a.jpg", "c.jpg"));
+  EXPECT_EQ(summary.num_kept, 1);
+  EXPECT_THAT(summary.ToText(),
+              HasSubstr("1 of these keep the depth of an earlier import"));
+  const DepthDatabase database(database_path_, DepthDatabase::Mode::READ_ONLY);
+  EXPECT_EQ(database.ReadDepthMap(image_id2_).At(1, 0), 5);
+  EXPECT_EQ(database.ReadDepthMap(image_id3_).At(1, 0), 2);
+  EXPECT_TRUE(database.ReadPairGeometries().empty());
+}
+
+TEST_F(DepthImporter, BadFileLeavesDatabaseUnchanged) {
+  // More images than one batch, the last of them bad: the earlier ones have
+  // been written by then.
+  {
+    ColmapDatabaseWriter writer(database_path_ + "2", ColmapSchema::V3_8);
+    const auto camera_id = writer.AddCamera(kPinhole, 30, 20, {30, 30, 15, 10});
+    for (int i = 0; i < 20; ++i) {
+      const std::string name = std::to_string(i);
+      writer.AddImage(name + ".jpg", camera_id, {{15, 10}});
+      WriteMap(name + ".npy", 1);
+    }
+  }
+  database_path_ += "2";
+  std::ofstream(depth_path_ + "/19.npy") << "nonsense";
+  ExpectError({depth_path_ + "/19.npy", "not a NumPy array"});
+  WriteMap("19.npy", 0);
+  ExpectError({depth_path_ + "/19.npy", "no pixel of the 3 x 2 depth map"});
+}
+
+TEST_F(DepthImporter, FirstBadImageIsNamedForAnyNumberOfThreads) {
+  WriteMap("sub/a.npy", 0);
+  WriteMap("b.npy", 0);
+  for (const int num_threads : {1, 4}) {
+    DepthImportOptions options;
+    options.num_threads = num_threads;
+    try {
+      Import(options);
+      ADD_FAILURE();
+    } catch (const std::runtime_error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("sub/a.npy"));
+    }
+  }
+}
+
+TEST_F(DepthImporter, AmbiguousNamesAreRefused) {
+  WriteMap("b.npy", 1);
+  WriteMap("b.jpg.npy", 1);
+  ExpectError({"image b.jpg", "b.npy", "b.jpg.npy"});
+  fs::remove(depth_path_ + "/b.npy");
+  std::ofstream(depth_path_ + "/b.jpg.pfm") << "";
+  ExpectError({"image b.jpg", "b.jpg.npy", "b.jpg.pfm"});
+  fs::remove(depth_path_ + "/b.jpg.pfm");
+  fs::remove(depth_path_ + "/b.jpg.npy");
+  {
+    ColmapDatabaseWriter writer(database_path_ + "2", ColmapSchema::V3_8);
+    const auto camera_id = writer.AddCamera(kPinhole, 30, 20, {30, 30, 15, 10});
+    writer.AddImage("b.jpg", camera_id, kNoKeypoints);
+    writer.AddImage("b.png", camera_id, kNoKeypoints);
+  }
+  database_path_ += "2";
+  WriteMap("b.npy", 1);
+  ExpectError({"b.npy fits two images, b.jpg and b.png"});
+}
+
+TEST_F(DepthImporter, NothingToImportIsAnError) {
+  ExpectError({depth_path_, "3 images", database_path_});
+  WriteMap("a.npy", 1);  // the image is in a sub-folder
+  ExpectError({depth_path_, "3 images", database_path_});
+  depth_path_ += "/missing";
+  ExpectError({depth_path_, "does not exist"});
+}
+
+TEST_F(DepthImporter, CommandReportsUsageAndResult) {
+  const auto run = [](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "colmap");
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    const Command command = {"depth_importer", "", RunDepthImporter};
+    return RunCommand(command, static_cast<int>(argv.size()), argv.data());
+  };
+  WriteMap("b.npy", 0.5);
+  const std::vector<std::string> paths = {
+      "--database_path", database_path_, "--depth_path", depth_path_};
+  const auto with_paths = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), paths.begin(), paths.end());
+    return arguments;
+  };
+  testing::internal::CaptureStderr();
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run(with_paths({"--depth_type", "metres"})), 2);
+  EXPECT_EQ(run(with_paths({"--depth_unit", "inches"})), 2);
+  EXPECT_EQ(run(with_paths({"--depth_scale", "0"})), 2);
+  EXPECT_EQ(run(with_paths({"--depth", "x"})), 2);
+  EXPECT_EQ(run({"--database_path", database_path_}), 2);
+  EXPECT_EQ(run({"--database_path", "missing.db", "--depth_path", depth_path_}),
+            1);
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("'inches'"));
+
+  testing::internal::CaptureStderr();
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run(with_paths({"--depth_type", "inverse", "--depth_scale", "2"})),
+            0);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              testing::EndsWith("imported 1 of 3 images, 0 key points with "
+                                "depth (0.0 %)\n"));
+  testing::internal::GetCapturedStderr();
+  const DepthDatabase database(database_path_, DepthDatabase::Mode::READ_ONLY);
+  EXPECT_EQ(database.ReadDepthMap(image_id2_).At(1, 0), 4);
+}
+
+// Real maps: floats, a tiny network's, and a sensor's in millimetres.
+struct RealSet {
+  std::string name;
+  std::string folder;
+  double scale;
+  // Bounds on the median depth of the key points [m], and on the share of key
+  // points with depth, from a look at the scene.
+  double min_median;
+  double max_median;
+  double min_share;
+};
+
+class DepthImporterOnRealData : public testing::TestWithParam<RealSet> {};
+
+TEST_P(DepthImporterOnRealData, GivesPlausibleDepth) {
+  const RealSet& set = GetParam();
+  const auto path = SharedDataSet(set.name);
+  if (!path) GTEST_SKIP() << "no data set " << set.name;
+  const std::string database_path = CreateTestDir() + "/database.db";
+  fs::copy_file(*path + "/database.db", database_path);
+  DepthImportOptions options;
+  options.reading.scale = set.scale;
+  const DepthImportSummary summary =
+      ImportDepthMaps(database_path, *path + "/" + set.folder, options);
+  EXPECT_TRUE(summary.images_without_depth.empty());
+  EXPECT_TRUE(summary.files_without_image.empty());
+
+  size_t num_keypoints = 0;
+  std::vector<float> known_depths;
+  const DepthDatabase database(database_path, DepthDatabase::Mode::READ_ONLY);
+  for (const auto& [image_id, depths] : database.ReadAllKeypointDepths()) {
+    num_keypoints += depths.depths.size();
+    for (const float depth : depths.depths) {
+      if (depth > 0) known_depths.push_back(depth);
+    }
+  }
+  EXPECT_GT(known_depths.size(), set.min_share * num_keypoints);
+  const auto median = known_depths.begin() + known_depths.size() / 2;
+  std::nth_element(known_depths.begin(), median, known_depths.end());
+  EXPECT_GT(*median, set.min_median);
+  EXPECT_LT(*median, set.max_median);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    RealData,
+    DepthImporterOnRealData,
+    testing::Values(RealSet{"fountain-P11", "depth", 1, 6, 14, 0.9},
+                    RealSet{"fountain-P11", "depth_meter", 1, 2, 5, 0.999},
+                    RealSet{"redkitchen50", "depth_sensor", 0.001, 1, 4, 0.7}));
+
+}  // namespace
+}  // namespace dgsfm
