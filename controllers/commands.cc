@@ -8,6 +8,9 @@ namespace dgsfm {
 
 const std::vector<Command>& Commands() {
   static const std::vector<Command> commands = {
+      {"depth_importer",
+       "stores depth maps in the database",
+       &RunDepthImporter},
       {"depth_geometric_verifier",
        "verifies image pairs with depth",
        &RunDepthGeometricVerifier},
