@@ -17,6 +17,9 @@ const std::vector<Command>& Commands() {
       {"depth_global_mapper",
        "reconstructs a database with depth priors",
        &RunDepthGlobalMapper},
+      {"model_evaluator",
+       "compares camera poses with ground truth",
+       &RunModelEvaluator},
   };
   return commands;
 }

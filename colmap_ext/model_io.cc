@@ -1,0 +1,323 @@
+#include "colmap_ext/model_io.h"
+
+#include <colmap/base/camera_models.h>
+#include <colmap/util/endian.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+
+namespace dgsfm {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Reads numbers of a binary file, never beyond its end.
+class BinaryFile {
+ public:
+  explicit BinaryFile(const fs::path& path)
+      : path_(path), stream_(path, std::ios::binary) {
+    if (!stream_) throw std::runtime_error("cannot read " + path.string());
+    num_left_ = fs::file_size(path);
+    size_ = num_left_;
+  }
+
+  template <typename T>
+  T Read() {
+    Take(sizeof(T));
+    return colmap::ReadBinaryLittleEndian<T>(&stream_);
+  }
+
+  // Number of following records that have at least `record_size` bytes each.
+  uint64_t ReadCount(size_t record_size) {
+    const uint64_t count = Read<uint64_t>();
+    if (count > num_left_ / record_size) Fail("is truncated");
+    return count;
+  }
+
+  std::string ReadString() {
+    std::string text;
+    while (const char c = Read<char>()) text += c;
+    return text;
+  }
+
+  void Skip(uint64_t num_bytes) {
+    Take(num_bytes);
+    stream_.seekg(num_bytes, std::ios::cur);
+  }
+
+  [[noreturn]] void Fail(const std::string& problem) const {
+    throw std::runtime_error(path_.string() + " " + problem + " (byte " +
+                             std::to_string(size_ - num_left_) + " of " +
+                             std::to_string(size_) + ")");
+  }
+
+ private:
+  void Take(uint64_t num_bytes) {
+    if (num_bytes > num_left_) Fail("is truncated");
+    num_left_ -= num_bytes;
+  }
+
+  fs::path path_;
+  std::ifstream stream_;
+  uint64_t size_ = 0;
+  uint64_t num_left_ = 0;
+};
+
+// Reads a text file line by line and the numbers of a line.
+class TextFile {
+ public:
+  explicit TextFile(const fs::path& path) : path_(path), stream_(path) {
+    if (!stream_) throw std::runtime_error("cannot read " + path.string());
+  }
+
+  // The next line, empty or not.
+  bool NextLine() {
+    ++line_number_;
+    std::string line;
+    if (!std::getline(stream_, line)) return false;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    line_.clear();
+    line_.str(line);
+    return true;
+  }
+
+  // The next line that is neither empty nor a comment.
+  bool NextRecord() {
+    while (NextLine()) {
+      line_ >> std::ws;
+      if (!line_.eof() && line_.peek() != '#') return true;
+    }
+    return false;
+  }
+
+  template <typename T>
+  T Read() {
+    T value;
+    if (!(line_ >> value)) Fail("is malformed");
+    return value;
+  }
+
+  bool HasMore() {
+    line_ >> std::ws;
+    return !line_.eof();
+  }
+
+  std::string ReadRestOfLine() {
+    std::string text;
+    std::getline(line_ >> std::ws, text);
+    return text;
+  }
+
+  [[noreturn]] void Fail(const std::string& problem) const {
+    throw std::runtime_error(path_.string() + " " + problem + " (line " +
+                             std::to_string(line_number_) + ")");
+  }
+
+ private:
+  fs::path path_;
+  std::ifstream stream_;
+  std::istringstream line_;
+  size_t line_number_ = 0;
+};
+
+// The binary or else the text file of a folder.
+std::optional<fs::path> FindFile(const fs::path& folder,
+                                 const std::string& stem) {
+  for (const char* extension : {".bin", ".txt"}) {
+    const fs::path path = folder / (stem + extension);
+    if (fs::is_regular_file(path)) return path;
+  }
+  return std::nullopt;
+}
+
+// Calls read_binary with a BinaryFile or read_text with a TextFile.
+template <typename ReadBinary, typename ReadText>
+void ReadFile(const std::string& folder,
+              const std::string& stem,
+              const ReadBinary& read_binary,
+              const ReadText& read_text) {
+  const std::optional<fs::path> path = FindFile(folder, stem);
+  if (!path) {
+    throw std::runtime_error(folder + " has neither " + stem + ".bin nor " +
+                             stem + ".txt");
+  }
+  if (path->extension() == ".bin") {
+    BinaryFile file(*path);
+    read_binary(file);
+  } else {
+    TextFile file(*path);
+    read_text(file);
+  }
+}
+
+// Both forms have the same numbers in the same order.
+template <typename File>
+Rigid3d ReadPose(File& file) {
+  Eigen::Vector4d qvec;
+  Eigen::Vector3d translation;
+  for (double& value : qvec) value = file.template Read<double>();
+  for (double& value : translation) value = file.template Read<double>();
+  if (!qvec.allFinite() || !translation.allFinite() || qvec.norm() == 0) {
+    file.Fail("has an invalid pose");
+  }
+  return Rigid3d(RotationFromQvec(qvec), translation);
+}
+
+template <typename File>
+Eigen::Vector3d ReadXyz(File& file) {
+  Eigen::Vector3d xyz;
+  for (double& value : xyz) value = file.template Read<double>();
+  if (!xyz.allFinite()) file.Fail("has an invalid point");
+  return xyz;
+}
+
+template <typename File>
+void AddImage(File& file,
+              const std::string& name,
+              const ModelImage& image,
+              std::map<std::string, ModelImage>* images) {
+  if (name.empty()) file.Fail("has an image without name");
+  if (!images->emplace(name, image).second) {
+    file.Fail("has image " + name + " twice");
+  }
+}
+
+template <typename File>
+colmap::Camera ReadCamera(File& file, colmap::camera_t id, int model_id) {
+  if (!colmap::ExistsCameraModelWithId(model_id)) {
+    file.Fail("has a camera model that COLMAP 3.8 does not know");
+  }
+  colmap::Camera camera;
+  camera.SetCameraId(id);
+  camera.SetModelId(model_id);
+  camera.SetWidth(file.template Read<uint64_t>());
+  camera.SetHeight(file.template Read<uint64_t>());
+  for (double& param : camera.Params()) {
+    param = file.template Read<double>();
+    if (!std::isfinite(param)) file.Fail("has an invalid camera parameter");
+  }
+  return camera;
+}
+
+}  // namespace
+
+std::vector<std::string> FindModels(const std::string& path) {
+  if (!fs::is_directory(path)) {
+    throw std::runtime_error("model folder " + path + " does not exist");
+  }
+  if (FindFile(path, "images")) return {path};
+  std::vector<std::string> folders;
+  for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
+    if (entry.is_directory() && FindFile(entry.path(), "images")) {
+      folders.push_back(entry.path().string());
+    }
+  }
+  if (folders.empty()) {
+    throw std::runtime_error(
+        path +
+        " holds no model: no images.bin or images.txt in it or in a "
+        "sub-folder");
+  }
+  std::sort(folders.begin(), folders.end());
+  return folders;
+}
+
+std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
+  std::map<std::string, ModelImage> images;
+  const auto read_binary = [&images](BinaryFile& file) {
+    // Id, pose, camera id, terminating zero of the name, number of points.
+    constexpr size_t kMinImageSize = 4 + 7 * 8 + 4 + 1 + 8;
+    constexpr size_t kPointSize = 3 * 8;
+    const uint64_t num_images = file.ReadCount(kMinImageSize);
+    for (uint64_t i = 0; i < num_images; ++i) {
+      file.Read<colmap::image_t>();
+      ModelImage image;
+      image.cam_from_world = ReadPose(file);
+      image.camera_id = file.Read<colmap::camera_t>();
+      const std::string name = file.ReadString();
+      file.Skip(kPointSize * file.ReadCount(kPointSize));
+      AddImage(file, name, image, &images);
+    }
+  };
+  const auto read_text = [&images](TextFile& file) {
+    while (file.NextRecord()) {
+      file.Read<colmap::image_t>();
+      ModelImage image;
+      image.cam_from_world = ReadPose(file);
+      image.camera_id = file.Read<colmap::camera_t>();
+      AddImage(file, file.ReadRestOfLine(), image, &images);
+      file.NextLine();  // the points of the image
+    }
+  };
+  ReadFile(folder, "images", read_binary, read_text);
+  return images;
+}
+
+std::map<colmap::camera_t, colmap::Camera> ReadModelCameras(
+    const std::string& folder) {
+  std::map<colmap::camera_t, colmap::Camera> cameras;
+  const auto read_binary = [&cameras](BinaryFile& file) {
+    const uint64_t num_cameras = file.ReadCount(4 + 4 + 8 + 8);
+    for (uint64_t i = 0; i < num_cameras; ++i) {
+      const auto id = file.Read<colmap::camera_t>();
+      cameras[id] = ReadCamera(file, id, file.Read<int>());
+    }
+  };
+  const auto read_text = [&cameras](TextFile& file) {
+    while (file.NextRecord()) {
+      const auto id = file.Read<colmap::camera_t>();
+      const auto model = file.Read<std::string>();
+      const bool is_known = colmap::ExistsCameraModelWithName(model);
+      cameras[id] = ReadCamera(
+          file, id, is_known ? colmap::CameraModelNameToId(model) : -1);
+    }
+  };
+  ReadFile(folder, "cameras", read_binary, read_text);
+  return cameras;
+}
+
+std::vector<ModelPoint> ReadModelPoints(const std::string& folder) {
+  std::vector<ModelPoint> points;
+  const auto read_binary = [&points](BinaryFile& file) {
+    // Id, position, colour, error, length of the track.
+    const uint64_t num_points = file.ReadCount(8 + 3 * 8 + 3 + 8 + 8);
+    constexpr size_t kTrackElementSize = 2 * 4;
+    points.reserve(num_points);
+    for (uint64_t i = 0; i < num_points; ++i) {
+      file.Read<colmap::point3D_t>();
+      ModelPoint point;
+      point.xyz = ReadXyz(file);
+      for (uint8_t& value : point.color) value = file.Read<uint8_t>();
+      file.Read<double>();  // reprojection error
+      point.track_length = file.ReadCount(kTrackElementSize);
+      file.Skip(kTrackElementSize * point.track_length);
+      points.push_back(point);
+    }
+  };
+  const auto read_text = [&points](TextFile& file) {
+    while (file.NextRecord()) {
+      file.Read<colmap::point3D_t>();
+      ModelPoint point;
+      point.xyz = ReadXyz(file);
+      for (uint8_t& value : point.color) {
+        value = std::clamp(file.Read<int>(), 0, 255);
+      }
+      file.Read<std::string>();  // reprojection error
+      for (; file.HasMore(); ++point.track_length) {
+        file.Read<colmap::image_t>();
+        file.Read<colmap::point2D_t>();
+      }
+      points.push_back(point);
+    }
+  };
+  ReadFile(folder, "points3D", read_binary, read_text);
+  return points;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,51 @@
+// Sparse models on disk, text or binary, as COLMAP 3.8 to 4.2 write them.
+//
+// Beside colmap::Reconstruction::Read because that aborts on a file that is
+// missing or broken, needs all files, and knows no camera model later than
+// 3.8. These functions read one file of a model folder each (the binary one if
+// there are both), check every number, and throw std::runtime_error naming
+// file and line or byte. rigs.* and frames.* of COLMAP 4 add nothing: images.*
+// has the full poses.
+
+#pragma once
+
+#include "colmap_ext/rigid3.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/camera.h>
+#include <colmap/util/types.h>
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+struct ModelImage {
+  colmap::camera_t camera_id = colmap::kInvalidCameraId;
+  Rigid3d cam_from_world;
+};
+
+struct ModelPoint {
+  Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
+  Eigen::Vector3ub color = Eigen::Vector3ub::Zero();
+  size_t track_length = 0;
+};
+
+// Folders of the models at a path: the path itself if it holds images.bin or
+// images.txt, otherwise its sub-folders that do, sorted by name. Throws if
+// there are none.
+std::vector<std::string> FindModels(const std::string& path);
+
+// Registered images by name. An empty model is no error.
+std::map<std::string, ModelImage> ReadModelImages(const std::string& folder);
+
+// Throws if a camera model is not one of COLMAP 3.8.
+std::map<colmap::camera_t, colmap::Camera> ReadModelCameras(
+    const std::string& folder);
+
+// In the order of the file.
+std::vector<ModelPoint> ReadModelPoints(const std::string& folder);
+
+}  // namespace dgsfm
