@@ -6,7 +6,8 @@ void CheckIsColmapDatabase(const SqliteConnection& connection) {
   for (const char* table :
        {"cameras", "images", "keypoints", "matches", "two_view_geometries"}) {
     if (!connection.HasTable(table)) {
-      connection.Fail("not a COLMAP database (it has no table ", table, ")");
+      throw connection.Error()
+          << "not a COLMAP database (it has no table " << table << ")";
     }
   }
 }

@@ -103,11 +103,10 @@ struct DepthDatabase::Impl {
     SqliteStatement select(connection, "SELECT version FROM dgsfm_schema");
     const int64_t version = select.Step() ? select.Int(0) : 0;
     if (version != kSchemaVersion) {
-      connection.Fail("its depth tables have version ",
-                      version,
-                      ", this program knows version ",
-                      kSchemaVersion,
-                      "; use the version of the program that wrote them");
+      throw connection.Error()
+          << "its depth tables have version " << version
+          << ", this program knows version " << kSchemaVersion
+          << "; use the version of the program that wrote them";
     }
     return true;
   }
@@ -130,14 +129,17 @@ struct DepthDatabase::Impl {
         "LEFT JOIN keypoints USING (image_id) "
         "WHERE images.image_id = ?");
     select.BindInt(1, image_id);
-    if (!select.Step()) connection.Fail("no image with id ", image_id);
+    if (!select.Step()) {
+      throw connection.Error() << "no image with id " << image_id;
+    }
     return {select.Text(0), select.Int(1)};
   }
 
   DepthUnit CheckedUnit(int64_t unit, const std::string& name) const {
     if (unit != static_cast<int>(DepthUnit::METRIC) &&
         unit != static_cast<int>(DepthUnit::RELATIVE)) {
-      connection.Fail("image ", name, ": unknown depth unit ", unit);
+      throw connection.Error()
+          << "image " << name << ": unknown depth unit " << unit;
     }
     return static_cast<DepthUnit>(unit);
   }
@@ -163,8 +165,8 @@ struct DepthDatabase::Impl {
     geometry.depth_verified = row.Blob<uint8_t>(13);
     if (qvec.size() != 4 || tvec.size() != 3 ||
         row.Int(11) != int64_t(num_rows)) {
-      connection.Fail(pair,
-                      ": damaged geometry; run depth_geometric_verifier again");
+      throw connection.Error()
+          << pair << ": damaged geometry; run depth_geometric_verifier again";
     }
     geometry.cam2_from_cam1 = {{qvec[0], qvec[1], qvec[2], qvec[3]},
                                {tvec[0], tvec[1], tvec[2]}};
@@ -172,18 +174,18 @@ struct DepthDatabase::Impl {
       geometry.inlier_matches.emplace_back(matches[2 * i], matches[2 * i + 1]);
       if (matches[2 * i] >= num_keypoints1 ||
           matches[2 * i + 1] >= num_keypoints2) {
-        connection.Fail(
-            pair,
-            ": its geometry refers to key points that are gone; run "
-            "depth_geometric_verifier again");
+        throw connection.Error()
+            << pair
+            << ": its geometry refers to key points that are gone; run "
+               "depth_geometric_verifier again";
       }
     }
     try {
       PairStatusName(geometry.status);
       CheckContract(geometry);
     } catch (const std::invalid_argument&) {
-      connection.Fail(pair,
-                      ": damaged geometry; run depth_geometric_verifier again");
+      throw connection.Error()
+          << pair << ": damaged geometry; run depth_geometric_verifier again";
     }
     return geometry;
   }
@@ -241,7 +243,7 @@ bool DepthDatabase::HasDepthMap(colmap::image_t image_id) const {
 DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
   const std::string name = impl_->ReadImage(image_id).name;
   if (!HasDepthMap(image_id))
-    impl_->connection.Fail("image ", name, " has no depth map");
+    throw impl_->connection.Error() << "image " << name << " has no depth map";
   SqliteStatement select(impl_->connection,
                          "SELECT width, height, unit, data "
                          "FROM dgsfm_depth_maps WHERE image_id = ?");
@@ -249,8 +251,8 @@ DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
   const int64_t width = select.Int(0);
   const int64_t height = select.Int(1);
   if (std::max(width, height) > kMaxDepthMapSize) {
-    impl_->connection.Fail(
-        "image ", name, ": depth map of ", width, " x ", height);
+    throw impl_->connection.Error()
+        << "image " << name << ": depth map of " << width << " x " << height;
   }
   const DepthUnit unit = impl_->CheckedUnit(select.Int(2), name);
   try {
@@ -259,11 +261,9 @@ DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
                            static_cast<int>(height),
                            unit);
   } catch (const std::runtime_error& error) {
-    impl_->connection.Fail("depth map of image ",
-                           name,
-                           ": ",
-                           error.what(),
-                           "; run depth_importer again");
+    throw impl_->connection.Error()
+        << "depth map of image " << name << ": " << error.what()
+        << "; run depth_importer again";
   }
 }
 
@@ -285,21 +285,16 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
     depths.depths = select.Blob<float>(5);
     if (select.Int(4) != int64_t(depths.depths.size()) ||
         !std::all_of(depths.depths.begin(), depths.depths.end(), IsDepth)) {
-      impl_->connection.Fail(
-          "image ",
-          name,
-          ": damaged depth at key points; run depth_importer again");
+      throw impl_->connection.Error()
+          << "image " << name
+          << ": damaged depth at key points; run depth_importer again";
     }
     if (select.Int(4) != num_keypoints) {
-      impl_->connection.Fail(
-          "image ",
-          name,
-          " has ",
-          num_keypoints,
-          " key points, but depth was imported for ",
-          select.Int(4),
-          "; features were extracted again since: run depth_importer "
-          "again");
+      throw impl_->connection.Error()
+          << "image " << name << " has " << num_keypoints
+          << " key points, but depth was imported for " << select.Int(4)
+          << "; features were extracted again since: run depth_importer "
+             "again";
     }
     all_depths.emplace(static_cast<colmap::image_t>(select.Int(0)),
                        std::move(depths));

@@ -97,12 +97,10 @@ class SceneReader {
     }
     SqliteStatement select(connection_, kMultiCameraRigQuery);
     if (select.Step()) {
-      connection_.Fail(
-          "rig ",
-          select.Int(0),
-          " has more than one camera (such as camera ",
-          select.Int(1),
-          "); rigs are not supported, only images that move by themselves");
+      throw connection_.Error()
+          << "rig " << select.Int(0)
+          << " has more than one camera (such as camera " << select.Int(1)
+          << "); rigs are not supported, only images that move by themselves";
     }
   }
 
@@ -119,24 +117,22 @@ class SceneReader {
   colmap::Camera ReadCamera(const SqliteStatement& row) const {
     const int64_t camera_id = row.Int(0);
     if (camera_id < 0 || camera_id >= colmap::kInvalidCameraId) {
-      connection_.Fail("camera id ", camera_id, " is out of range");
+      throw connection_.Error()
+          << "camera id " << camera_id << " is out of range";
     }
     const int64_t model_id = row.Int(1);
     if (model_id < std::numeric_limits<int>::min() ||
         model_id > std::numeric_limits<int>::max() ||
         !colmap::ExistsCameraModelWithId(static_cast<int>(model_id))) {
-      connection_.Fail(
-          "camera ",
-          camera_id,
-          ": ",
-          CameraModelDescription(model_id),
-          " is not supported; use one of COLMAP 3.8, e.g. SIMPLE_RADIAL");
+      throw connection_.Error()
+          << "camera " << camera_id << ": " << CameraModelDescription(model_id)
+          << " is not supported; use one of COLMAP 3.8, e.g. SIMPLE_RADIAL";
     }
     const int64_t width = row.Int(2);
     const int64_t height = row.Int(3);
     if (width <= 0 || height <= 0) {
-      connection_.Fail(
-          "camera ", camera_id, ": image size ", width, " x ", height);
+      throw connection_.Error() << "camera " << camera_id << ": image size "
+                                << width << " x " << height;
     }
     colmap::Camera camera;
     camera.SetCameraId(static_cast<colmap::camera_t>(camera_id));
@@ -151,28 +147,22 @@ class SceneReader {
 
   void CheckParams(const colmap::Camera& camera) const {
     if (!camera.VerifyParams()) {
-      connection_.Fail("camera ",
-                       camera.CameraId(),
-                       ": ",
-                       camera.NumParams(),
-                       " parameters, but model ",
-                       camera.ModelName(),
-                       " has ",
-                       camera.ParamsInfo());
+      throw connection_.Error()
+          << "camera " << camera.CameraId() << ": " << camera.NumParams()
+          << " parameters, but model " << camera.ModelName() << " has "
+          << camera.ParamsInfo();
     }
     for (const double param : camera.Params()) {
       if (!std::isfinite(param)) {
-        connection_.Fail(
-            "camera ", camera.CameraId(), ": a parameter is not finite");
+        throw connection_.Error()
+            << "camera " << camera.CameraId() << ": a parameter is not finite";
       }
     }
     for (const size_t idx : camera.FocalLengthIdxs()) {
       if (camera.Params(idx) <= 0) {
-        connection_.Fail("camera ",
-                         camera.CameraId(),
-                         ": focal length ",
-                         camera.Params(idx),
-                         " is not positive");
+        throw connection_.Error()
+            << "camera " << camera.CameraId() << ": focal length "
+            << camera.Params(idx) << " is not positive";
       }
     }
   }
@@ -185,12 +175,13 @@ class SceneReader {
       const std::string name = select.Text(1);
       const int64_t camera_id = select.Int(2);
       if (image_id < 0 || image_id >= static_cast<int64_t>(kMaxNumImages)) {
-        connection_.Fail("image ", name, ": id ", image_id, " is out of range");
+        throw connection_.Error()
+            << "image " << name << ": id " << image_id << " is out of range";
       }
       if (camera_id < 0 || camera_id >= colmap::kInvalidCameraId ||
           scene_.cameras.count(static_cast<colmap::camera_t>(camera_id)) == 0) {
-        connection_.Fail(
-            "image ", name, ": its camera ", camera_id, " does not exist");
+        throw connection_.Error() << "image " << name << ": its camera "
+                                  << camera_id << " does not exist";
       }
       colmap::Image image;
       image.SetImageId(static_cast<colmap::image_t>(image_id));
@@ -199,7 +190,7 @@ class SceneReader {
       scene_.images.emplace(image.ImageId(), image);
     }
     if (scene_.images.empty()) {
-      connection_.Fail("has no images; run feature_extractor first");
+      throw connection_.Error() << "has no images; run feature_extractor first";
     }
   }
 
@@ -221,31 +212,22 @@ class SceneReader {
     const std::vector<float> data = row.Blob<float>(3);
     if (num_rows == 0 && data.empty()) return std::vector<Eigen::Vector2d>();
     if (num_cols != 2 && num_cols != 4 && num_cols != 6) {
-      connection_.Fail("image ",
-                       name,
-                       ": key points have ",
-                       num_cols,
-                       " columns, not 2, ",
-                       "4 or 6");
+      throw connection_.Error() << "image " << name << ": key points have "
+                                << num_cols << " columns, not 2, 4 or 6";
     }
     if (!IsSize(num_rows, num_cols, data.size())) {
-      connection_.Fail("image ",
-                       name,
-                       ": ",
-                       num_rows,
-                       " x ",
-                       num_cols,
-                       " key point values announced, ",
-                       data.size(),
-                       " stored");
+      throw connection_.Error()
+          << "image " << name << ": " << num_rows << " x " << num_cols
+          << " key point values announced, " << data.size() << " stored";
     }
     std::vector<Eigen::Vector2d> points;
     points.reserve(num_rows);
     for (int64_t i = 0; i < num_rows; ++i) {
       points.emplace_back(data[num_cols * i], data[num_cols * i + 1]);
       if (!points.back().allFinite()) {
-        connection_.Fail(
-            "image ", name, ": position of key point ", i, " is not finite");
+        throw connection_.Error()
+            << "image " << name << ": position of key point " << i
+            << " is not finite";
       }
     }
     return points;
@@ -267,30 +249,21 @@ class SceneReader {
   colmap::image_pair_t CheckedPairId(int64_t pair_id) const {
     constexpr int64_t kMaxPairId = kMaxNumImages * kMaxNumImages;
     if (pair_id < 0 || pair_id >= kMaxPairId) {
-      connection_.Fail("pair id ", pair_id, " is out of range");
+      throw connection_.Error() << "pair id " << pair_id << " is out of range";
     }
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     for (const colmap::image_t image_id : {image_id1, image_id2}) {
       if (scene_.images.count(image_id) == 0) {
-        connection_.Fail("matches of pair ",
-                         pair_id,
-                         " are between images ",
-                         image_id1,
-                         " and ",
-                         image_id2,
-                         ", but there is no image ",
-                         image_id,
-                         "; match again into a fresh database");
+        throw connection_.Error()
+            << "matches of pair " << pair_id << " are between images "
+            << image_id1 << " and " << image_id2 << ", but there is no image "
+            << image_id << "; match again into a fresh database";
       }
     }
     if (image_id1 >= image_id2) {
-      connection_.Fail("pair id ",
-                       pair_id,
-                       " stands for images ",
-                       image_id1,
-                       " and ",
-                       image_id2,
-                       ", which are not in ascending order");
+      throw connection_.Error()
+          << "pair id " << pair_id << " stands for images " << image_id1
+          << " and " << image_id2 << ", which are not in ascending order";
     }
     return pair_id;
   }
@@ -305,14 +278,9 @@ class SceneReader {
     const int64_t num_cols = row.Int(2);
     const std::vector<uint32_t> data = row.Blob<uint32_t>(3);
     if (num_cols != 2 || !IsSize(num_rows, num_cols, data.size())) {
-      connection_.Fail(pair,
-                       ": ",
-                       num_rows,
-                       " x ",
-                       num_cols,
-                       " match values announced, ",
-                       data.size(),
-                       " stored");
+      throw connection_.Error()
+          << pair << ": " << num_rows << " x " << num_cols
+          << " match values announced, " << data.size() << " stored";
     }
     colmap::FeatureMatches matches(num_rows);
     for (int64_t i = 0; i < num_rows; ++i) {
@@ -329,20 +297,14 @@ class SceneReader {
                   colmap::point2D_t point2D_idx) const {
     if (point2D_idx < image.NumPoints2D()) return;
     if (image.NumPoints2D() == 0) {
-      connection_.Fail("image ",
-                       image.Name(),
-                       " has no key points, but ",
-                       pair,
-                       " has matches; extract and match features again");
+      throw connection_.Error()
+          << "image " << image.Name() << " has no key points, but " << pair
+          << " has matches; extract and match features again";
     }
-    connection_.Fail(pair,
-                     ": a match refers to key point ",
-                     point2D_idx,
-                     " of ",
-                     image.Name(),
-                     ", which has ",
-                     image.NumPoints2D(),
-                     "; match features again");
+    throw connection_.Error()
+        << pair << ": a match refers to key point " << point2D_idx << " of "
+        << image.Name() << ", which has " << image.NumPoints2D()
+        << "; match features again";
   }
 
   static bool IsSize(int64_t num_rows, int64_t num_cols, size_t num_values) {

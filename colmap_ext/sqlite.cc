@@ -84,10 +84,10 @@ SqliteConnection::SqliteConnection(const std::string& path,
                                    std::chrono::milliseconds busy_timeout)
     : path_(path), busy_timeout_(busy_timeout) {
   if (fs::is_directory(path)) {
-    Fail("is a folder, not a database");
+    throw Error() << "is a folder, not a database";
   }
   if (mode != Mode::CREATE && !fs::exists(path)) {
-    Fail("no such database file");
+    throw Error() << "no such database file";
   }
   try {
     const bool is_writable =
@@ -108,7 +108,7 @@ SqliteConnection::SqliteConnection(const std::string& path,
     if (mode == Mode::READ_ONLY) {
       Execute("PRAGMA query_only = ON");
     } else if (sqlite3_db_readonly(handle_, "main") == 1) {
-      Fail("database not writable");
+      throw Error() << "database not writable";
     }
     Execute("PRAGMA foreign_keys = ON");
   } catch (...) {
@@ -122,7 +122,7 @@ SqliteConnection::~SqliteConnection() { Close(); }
 void SqliteConnection::Open(const std::string& file, int flags) {
   const int result_code = sqlite3_open_v2(
       file.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
-  if (result_code != SQLITE_OK) FailSqlite(result_code, "");
+  if (result_code != SQLITE_OK) Fail(result_code, "");
   sqlite3_extended_result_codes(handle_, 1);
   sqlite3_busy_timeout(handle_, static_cast<int>(busy_timeout_.count()));
 }
@@ -135,7 +135,7 @@ void SqliteConnection::Close() {
 void SqliteConnection::Execute(const std::string& sql) const {
   const int result_code =
       sqlite3_exec(handle_, sql.c_str(), nullptr, nullptr, nullptr);
-  if (result_code != SQLITE_OK) FailSqlite(result_code, sql);
+  if (result_code != SQLITE_OK) Fail(result_code, sql);
 }
 
 bool SqliteConnection::HasTable(const std::string& name) const {
@@ -144,14 +144,10 @@ bool SqliteConnection::HasTable(const std::string& name) const {
   return statement.BindText(1, name).Step();
 }
 
-void SqliteConnection::FailSqlite(int result_code,
-                                  const std::string& sql) const {
+void SqliteConnection::Fail(int result_code, const std::string& sql) const {
   const std::string statement = sql.empty() ? "" : "; statement: " + sql;
-  Fail(Explain(result_code, busy_timeout_),
-       " (SQLite: ",
-       sqlite3_errmsg(handle_),
-       statement,
-       ")");
+  throw Error() << Explain(result_code, busy_timeout_)
+                << " (SQLite: " << sqlite3_errmsg(handle_) << statement << ")";
 }
 
 SqliteStatement::SqliteStatement(const SqliteConnection& connection,
@@ -162,7 +158,7 @@ SqliteStatement::SqliteStatement(const SqliteConnection& connection,
                                              static_cast<int>(sql.size()),
                                              &handle_,
                                              nullptr);
-  if (result_code != SQLITE_OK) connection.FailSqlite(result_code, sql);
+  if (result_code != SQLITE_OK) connection.Fail(result_code, sql);
 }
 
 SqliteStatement::~SqliteStatement() { sqlite3_finalize(handle_); }
@@ -204,7 +200,7 @@ bool SqliteStatement::Step() {
   const int result_code = sqlite3_step(handle_);
   if (result_code == SQLITE_ROW) return true;
   if (result_code == SQLITE_DONE) return false;
-  connection_.FailSqlite(result_code, sqlite3_sql(handle_));
+  connection_.Fail(result_code, sqlite3_sql(handle_));
 }
 
 void SqliteStatement::Reset() {
@@ -262,18 +258,14 @@ size_t SqliteStatement::BlobBytes(int column, size_t element_size) const {
 
 void SqliteStatement::Check(int result_code) const {
   if (result_code != SQLITE_OK) {
-    connection_.FailSqlite(result_code, sqlite3_sql(handle_));
+    connection_.Fail(result_code, sqlite3_sql(handle_));
   }
 }
 
 void SqliteStatement::FailColumn(int column, const char* expected) const {
-  connection_.Fail("column ",
-                   sqlite3_column_name(handle_, column),
-                   " holds something other than ",
-                   expected,
-                   " (statement: ",
-                   sqlite3_sql(handle_),
-                   ")");
+  throw connection_.Error() << "column " << sqlite3_column_name(handle_, column)
+                            << " holds something other than " << expected
+                            << " (statement: " << sqlite3_sql(handle_) << ")";
 }
 
 SqliteTransaction::SqliteTransaction(const SqliteConnection& connection,

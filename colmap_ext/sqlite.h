@@ -20,6 +20,24 @@ namespace dgsfm {
 // How long to wait for a lock of another connection before giving up.
 constexpr std::chrono::milliseconds kDefaultBusyTimeout{5000};
 
+// An error of a database file; the message begins with the path.
+class DatabaseError : public std::runtime_error {
+ public:
+  explicit DatabaseError(const std::string& path)
+      : std::runtime_error(path), message_(path + ": ") {}
+  template <typename T>
+  DatabaseError& operator<<(const T& value) {
+    std::ostringstream text;
+    text << value;
+    message_ += text.str();
+    return *this;
+  }
+  const char* what() const noexcept override { return message_.c_str(); }
+
+ private:
+  std::string message_;
+};
+
 // An open database file with foreign keys enforced. Opening never changes the
 // journal mode, user_version or any other setting kept in the file.
 class SqliteConnection {
@@ -49,16 +67,10 @@ class SqliteConnection {
   bool HasTable(const std::string& name) const;
   bool InTransaction() const { return sqlite3_get_autocommit(handle_) == 0; }
 
-  // Throws the path and the streamed arguments.
-  template <typename... Args>
-  [[noreturn]] void Fail(const Args&... args) const {
-    std::ostringstream message;
-    message << path_ << ": ";
-    (message << ... << args);
-    throw std::runtime_error(message.str());
-  }
+  // To be thrown: throw connection.Error() << "no image " << image_id;
+  DatabaseError Error() const { return DatabaseError(path_); }
   // Throws the connection's last error.
-  [[noreturn]] void FailSqlite(int result_code, const std::string& sql) const;
+  [[noreturn]] void Fail(int result_code, const std::string& sql) const;
 
  private:
   void Open(const std::string& file, int flags);
