@@ -242,8 +242,9 @@ bool DepthDatabase::HasDepthMap(colmap::image_t image_id) const {
 
 DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
   const std::string name = impl_->ReadImage(image_id).name;
-  if (!HasDepthMap(image_id))
+  if (!HasDepthMap(image_id)) {
     throw impl_->connection.Error() << "image " << name << " has no depth map";
+  }
   SqliteStatement select(impl_->connection,
                          "SELECT width, height, unit, data "
                          "FROM dgsfm_depth_maps WHERE image_id = ?");
