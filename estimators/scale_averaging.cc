@@ -5,6 +5,7 @@
 #include "estimators/graph_laplacian.h"
 #include "estimators/option_check.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace dgsfm {
@@ -55,9 +56,11 @@ bool AverageScales(int num_nodes,
   // Least squares, where L1 starts, is a phase of constant weight that is
   // over after one step.
   const ReweightingPhase least_squares_phase{[](double) { return 1.0; }, 1, 0};
-  const ReweightingPhase l1_phase{L1Weight(kL1Floor),
-                                  options.max_num_iterations,
-                                  options.convergence_threshold};
+  // A start for the last phase, which alone has to converge in full.
+  const ReweightingPhase l1_phase{
+      L1Weight(kL1Floor),
+      options.max_num_iterations,
+      std::max(kL1Floor, options.convergence_threshold)};
   const ReweightingPhase redescending_phase{
       GemanMcClureWeight(options.loss_scale),
       options.max_num_iterations,

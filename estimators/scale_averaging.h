@@ -22,8 +22,9 @@ struct ScaleAveragingOptions {
   int max_num_iterations = 30;
   // Scale of the robust loss in log scale [1].
   double loss_scale = 0.1;
-  // Mean change of the log scales below which a phase has converged [1].
-  double convergence_threshold = 1e-10;
+  // Mean change of the log scales below which the last phase has converged
+  // [1]; the L1 phase stops at 1e-4 at the latest.
+  double convergence_threshold = 1e-6;
 
   bool IsValid(std::string* error) const;
 };

@@ -120,6 +120,7 @@ TEST(ScaleAveraging, FixedNodeOnlyShiftsLogScales) {
   const Problem problem = CreateProblem(options);
   ScaleAveragingOptions averaging_options;
   averaging_options.max_num_iterations = 300;
+  averaging_options.convergence_threshold = 1e-10;
   const int num_nodes = problem.truth.size();
   std::vector<double> scales1, scales2;
   ASSERT_TRUE(
