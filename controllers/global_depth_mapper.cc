@@ -112,6 +112,9 @@ void BindVerification(PairVerificationOptions* options,
   bind.Add("DepthConsistency.max_depth_error_ratio",
            &options->depth_consistency.max_depth_error_ratio,
            "largest relative depth error of a transferred match [1]");
+  bind.Add("DepthConsistency.tolerate_depth_error",
+           &options->depth_consistency.tolerate_depth_error,
+           "let a transferred match be off by what that depth error explains");
   bind.Add("PairVerification.filter_depth",
            &options->filter_depth,
            "remove matches that contradict the depth maps");
@@ -227,6 +230,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   two_view.max_reprojection_error_px = 16.0;
   two_view.min_num_trials = 1000;
   two_view.max_num_trials = 1000;
+  options->verifier.verification.depth_consistency.tolerate_depth_error = false;
   DepthGlobalMapperOptions& mapper = options->mapper;
   mapper.view_graph.keep_connected = false;
   mapper.tracks.min_num_tracks_per_view = 0;

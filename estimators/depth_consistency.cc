@@ -3,12 +3,32 @@
 #include "colmap_ext/check.h"
 #include "estimators/two_view_residuals.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace dgsfm {
 namespace {
 
 bool IsUsable(double depth) { return depth > 0 && std::isfinite(depth); }
+
+// Distance [px] of the matched image point from the projections of the
+// transferred point as its depth varies by the ratio, either way. An end of the
+// range behind the camera is replaced by the point itself.
+double DistanceToDepthRange(const Transfer& transfer,
+                            double focal_length_px,
+                            double depth_error_ratio) {
+  const auto error_at = [&](double ratio) -> Eigen::Vector2d {
+    const Eigen::Vector3d point = transfer.point + ratio * transfer.ray;
+    if (!(point.z() > 0)) return transfer.error_px;
+    return transfer.error_px + focal_length_px * (point.hnormalized() -
+                                                  transfer.point.hnormalized());
+  };
+  const Eigen::Vector2d begin = error_at(-depth_error_ratio);
+  const Eigen::Vector2d segment = error_at(depth_error_ratio) - begin;
+  const double along =
+      -begin.dot(segment) / std::max(segment.squaredNorm(), 1e-300);
+  return (begin + std::min(std::max(along, 0.0), 1.0) * segment).norm();
+}
 
 }  // namespace
 
@@ -50,8 +70,11 @@ std::vector<DepthVerdict> CheckDepthConsistency(
   model.focal1 = focal_length1_px;
   model.focal2 = focal_length2_px;
 
-  const auto passes = [&](const Transfer& transfer) {
-    return transfer.error_px.norm() < options.max_reprojection_error_px &&
+  const double depth_tolerance =
+      options.tolerate_depth_error ? options.max_depth_error_ratio : 0;
+  const auto passes = [&](const Transfer& transfer, double focal_length_px) {
+    return DistanceToDepthRange(transfer, focal_length_px, depth_tolerance) <
+               options.max_reprojection_error_px &&
            std::abs(std::expm1(transfer.log_depth_ratio)) <
                options.max_depth_error_ratio;
   };
@@ -67,14 +90,14 @@ std::vector<DepthVerdict> CheckDepthConsistency(
                                             matches.points2[i],
                                             matches.depths2[i],
                                             &forward) &&
-                            passes(forward) &&
+                            passes(forward, model.focal2) &&
                             TransferBackward(model,
                                              matches.points1[i],
                                              matches.depths1[i],
                                              matches.points2[i],
                                              matches.depths2[i],
                                              &backward) &&
-                            passes(backward);
+                            passes(backward, model.focal1);
     verdicts[i] =
         consistent ? DepthVerdict::CONSISTENT : DepthVerdict::INCONSISTENT;
   }

@@ -16,6 +16,12 @@ struct DepthConsistencyOptions {
   // Paper: tau_pi [px] and tau_d [1, relative depth error].
   double max_reprojection_error_px = 12.0;
   double max_depth_error_ratio = 0.3;
+  // Whether a match may be off by what a depth error up to
+  // max_depth_error_ratio explains: the position is then compared with the
+  // segment that the point covers as its depth varies by that ratio. The paper
+  // compares with the point itself, so that at wide baselines, where some per
+  // cent of depth move the point by tens of pixels, hardly a match passes.
+  bool tolerate_depth_error = true;
 
   bool IsValid(std::string* error) const;
 };

@@ -40,7 +40,7 @@ TEST(DepthConsistency, ExactMatchesAreConsistent) {
 TEST(DepthConsistency, WrongOrUnknownValuesAreTold) {
   const TwoViewScene scene = CreateExactScene();
   DepthMatches matches = scene.input.matches;
-  matches.points2[0].x() += 13;  // threshold 12 px
+  matches.points2[0] += Eigen::Vector2d(200, 200);
   matches.points1[1].y() += 100;
   matches.depths2[2] *= 1.5;  // threshold 30 %
   matches.depths2[3] /= 1.5;
@@ -55,6 +55,33 @@ TEST(DepthConsistency, WrongOrUnknownValuesAreTold) {
   EXPECT_EQ(verdicts[4], DepthVerdict::UNTESTED);
   EXPECT_EQ(verdicts[5], DepthVerdict::UNTESTED);
   EXPECT_EQ(verdicts[6], DepthVerdict::CONSISTENT);
+}
+
+TEST(DepthConsistency, DepthErrorExplainsPositionAlongEpipolarLineOnly) {
+  // Translation along x by half the depth: a point at depth 2 moves by 250 px,
+  // and by 25 px more or less with 10 % of depth.
+  TwoViewModel model;
+  model.translation.x() = 1;
+  model.focal1 = model.focal2 = 500;
+  DepthMatches matches;
+  matches.points1 = {{0, 0}, {0, 0}};
+  matches.points2 = {{275, 0}, {250, 25}};
+  matches.depths1 = {2, 2};
+  matches.depths2 = {2, 2};
+  const auto check = [&](bool tolerate_depth_error) {
+    DepthConsistencyOptions options;
+    options.tolerate_depth_error = tolerate_depth_error;
+    return CheckDepthConsistency(
+        matches,
+        Rigid3d(Eigen::Quaterniond::Identity(), model.translation),
+        model.scale,
+        model.focal1,
+        model.focal2,
+        options);
+  };
+  EXPECT_EQ(check(true)[0], DepthVerdict::CONSISTENT);
+  EXPECT_EQ(check(true)[1], DepthVerdict::INCONSISTENT);
+  EXPECT_EQ(check(false)[0], DepthVerdict::INCONSISTENT);
 }
 
 TEST(DepthConsistency, PointBehindTheOtherCameraIsInconsistent) {
