@@ -20,6 +20,9 @@ const std::vector<Command>& Commands() {
       {"model_evaluator",
        "compares camera poses with ground truth",
        &RunModelEvaluator},
+      {"depth_scene_synthesizer",
+       "writes a synthetic scene with exact truth",
+       &RunDepthSceneSynthesizer},
   };
   return commands;
 }

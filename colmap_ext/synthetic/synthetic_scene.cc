@@ -36,75 +36,9 @@ constexpr double kMinCosViewAngle = 0.5;
 // Components are out of sight of each other [m].
 constexpr double kComponentDistance = 1000;
 
-struct SurfacePoint {
-  Eigen::Vector3d xyz;
-  Eigen::Vector3d normal;  // unit
-};
-
 struct Observation {
   colmap::image_t image_id;
   colmap::point2D_t point2D_idx;
-};
-
-// Shape of one component with n images, see Trajectory.
-struct Layout {
-  Trajectory trajectory;
-  int num_images;
-  Eigen::Vector3d origin;
-
-  int NumGridColumns() const {
-    return static_cast<int>(std::ceil(std::sqrt(2. * num_images)));
-  }
-
-  SurfacePoint DrawPoint(RandomStream* random) const {
-    Eigen::Vector3d xyz, normal;
-    if (trajectory == Trajectory::RING) {
-      const double azimuth = random->Uniform(0, 2 * M_PI);
-      normal = {std::cos(azimuth), std::sin(azimuth), 0};
-      xyz = random->Uniform(2.5, 4) * normal;
-      xyz.z() = random->Uniform(-3, 3);
-    } else if (trajectory == Trajectory::STREET) {
-      const double side = random->Uniform() < 0.5 ? -1 : 1;
-      normal = Eigen::Vector3d(-1, -0.5 * side, 0).normalized();
-      xyz.x() = random->Uniform(2, 1.5 * num_images + kMaxDepth);
-      xyz.y() = side * random->Uniform(5, 9);
-      xyz.z() = random->Uniform(-1.5, 6);
-    } else {
-      const int num_columns = NumGridColumns();
-      const int num_rows = (num_images + num_columns - 1) / num_columns;
-      normal = {0, -1, 0};
-      xyz.x() = random->Uniform(-4, 2 * num_columns + 2);
-      xyz.y() = random->Uniform(10, 13);
-      xyz.z() = random->Uniform(-4, 1.5 * num_rows + 2.5);
-    }
-    return {origin + xyz, normal};
-  }
-
-  Rigid3d DrawPose(int i, RandomStream* random) const {
-    Eigen::Vector3d center, target;
-    if (trajectory == Trajectory::RING) {
-      const double azimuth = 2 * M_PI * i / num_images;
-      center = {12 * std::cos(azimuth), 12 * std::sin(azimuth), 1};
-      target.setZero();
-    } else if (trajectory == Trajectory::STREET) {
-      center = {1.5 * i, 0, 0};
-      target = center + Eigen::Vector3d(10, 0, 0);
-    } else {
-      const int num_columns = NumGridColumns();
-      center = {2. * (i % num_columns), 0, 1.5 * (i / num_columns)};
-      target = center + Eigen::Vector3d(0, 10, 0);
-    }
-    // Hand-held: nothing is exactly on a line, and cameras are rolled by up
-    // to three degrees.
-    for (int k = 0; k < 3; ++k) {
-      center(k) += random->Uniform(-0.3, 0.3);
-      target(k) += random->Uniform(-0.5, 0.5);
-    }
-    const Eigen::Quaterniond roll(Eigen::AngleAxisd(
-        random->Uniform(-0.05, 0.05), Eigen::Vector3d::UnitZ()));
-    return Rigid3d(roll, Eigen::Vector3d::Zero()) *
-           LookAt(origin + center, origin + target);
-  }
 };
 
 class Synthesizer {
@@ -178,9 +112,10 @@ void Synthesizer::DrawGeometry() {
   for (int component = 0; component < options.num_components; ++component) {
     const int end =
         (component + 1) * options.num_images / options.num_components;
-    const Layout layout{options.trajectory,
-                        end - begin,
-                        {0, kComponentDistance * component, 0}};
+    const TrajectoryLayout layout{options.trajectory,
+                                  end - begin,
+                                  {0, kComponentDistance * component, 0},
+                                  kMaxDepth};
     const int num_points = options.num_points / options.num_components;
     for (int i = 0; i < num_points; ++i) {
       points_.push_back(layout.DrawPoint(&point_random));
@@ -298,7 +233,7 @@ void Synthesizer::AddClutterAndNoise() {
                                options.camera.height_px);
     RandomStream noise_random = Random(IMAGE_NOISE, image_id);
     for (Eigen::Vector2d& xy : image.keypoints) {
-      const Eigen::Vector2d noise(noise_random.Normal(), noise_random.Normal());
+      const Eigen::Vector2d noise{noise_random.Normal(), noise_random.Normal()};
       xy += options.image_noise_px * noise;
       xy = xy.cwiseMax(Eigen::Vector2d::Zero()).cwiseMin(size);
     }
@@ -467,27 +402,6 @@ void Synthesizer::MatchPairs() {
 }
 
 }  // namespace
-
-std::string TrajectoryName(Trajectory trajectory) {
-  switch (trajectory) {
-    case Trajectory::RING:
-      return "ring";
-    case Trajectory::STREET:
-      return "street";
-    case Trajectory::FACADE:
-      return "facade";
-  }
-  throw std::invalid_argument("unknown trajectory");
-}
-
-Trajectory TrajectoryFromName(const std::string& name) {
-  for (const Trajectory trajectory :
-       {Trajectory::RING, Trajectory::STREET, Trajectory::FACADE}) {
-    if (name == TrajectoryName(trajectory)) return trajectory;
-  }
-  throw std::runtime_error("trajectory '" + name +
-                           "' must be ring, street or facade");
-}
 
 bool SyntheticSceneOptions::IsValid(std::string* error) const {
   const auto check = [error](const char* name, double value, double min) {

@@ -8,6 +8,7 @@
 #include "colmap_ext/rigid3.h"
 #include "colmap_ext/synthetic/depth_noise.h"
 #include "colmap_ext/synthetic/synthetic_camera.h"
+#include "colmap_ext/synthetic/trajectory.h"
 
 #include <colmap/base/camera.h>
 #include <colmap/feature/types.h>
@@ -21,15 +22,6 @@
 #include <Eigen/Core>
 
 namespace dgsfm {
-
-// RING: around an object, looking at it. STREET: forward along a street,
-// 1.5 m per image. FACADE: a grid of viewpoints before a facade.
-enum class Trajectory { RING, STREET, FACADE };
-
-// Name as on the command line ("ring", "street", "facade"), and back; throws
-// std::runtime_error on an unknown name.
-std::string TrajectoryName(Trajectory trajectory);
-Trajectory TrajectoryFromName(const std::string& name);
 
 struct SyntheticSceneOptions {
   int num_images = 20;

@@ -1,6 +1,7 @@
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/pose_access.h"
 
 #include <colmap/base/database.h>
 #include <colmap/base/essential_matrix.h>
@@ -127,8 +128,7 @@ colmap::Reconstruction ReconstructionFromSynthetic(
   std::vector<colmap::Track> tracks(synthetic.points.size());
   for (const auto& [image_id, image] : synthetic.images) {
     colmap::Image colmap_image = ImageWithoutPose(image);
-    colmap_image.SetQvec(QvecFromRotation(image.cam_from_world.rotation));
-    colmap_image.SetTvec(image.cam_from_world.translation);
+    SetCamFromWorld(image.cam_from_world, &colmap_image);
     reconstruction.AddImage(colmap_image);
     reconstruction.RegisterImage(image_id);
     for (size_t i = 0; i < image.point_idxs.size(); ++i) {

@@ -241,10 +241,23 @@ TEST(SyntheticSceneIo, DatabaseIsDeterministicAndHoldsTheScene) {
                std::runtime_error);
 
   const Scene expected = SceneFromSynthetic(synthetic);
-  const colmap::Database database(path);
-  EXPECT_FALSE(database.ReadCamera(1).HasPriorFocalLength());
-  EXPECT_EQ(database.NumImages(), 8);
-  EXPECT_EQ(database.NumMatchedImagePairs(), expected.matches.size());
+  const Scene scene = ReadScene(path);
+  EXPECT_EQ(scene.cameras.at(1).Params(), expected.cameras.at(1).Params());
+  EXPECT_FALSE(scene.cameras.at(1).HasPriorFocalLength());
+  ASSERT_EQ(scene.images.size(), expected.images.size());
+  for (const auto& [image_id, image] : scene.images) {
+    const colmap::Image& truth = expected.images.at(image_id);
+    EXPECT_EQ(image.Name(), truth.Name());
+    ASSERT_EQ(image.NumPoints2D(), truth.NumPoints2D());
+    // Databases hold floats: 1e3 px * 2^-24.
+    EXPECT_LT((image.Point2D(0).XY() - truth.Point2D(0).XY()).norm(), 1e-4);
+  }
+  ASSERT_EQ(scene.matches.size(), expected.matches.size());
+  for (const auto& [pair_id, matches] : expected.matches) {
+    EXPECT_EQ(scene.matches.at(pair_id).size(), matches.size());
+    EXPECT_EQ(scene.verified_matches.at(pair_id).size(),
+              expected.verified_matches.at(pair_id).size());
+  }
 }
 
 TEST(SyntheticSceneIo, GroundTruthModelHasNoReprojectionError) {

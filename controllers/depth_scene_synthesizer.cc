@@ -1,0 +1,298 @@
+#include "controllers/depth_scene_synthesizer.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/depth_database.h"
+#include "colmap_ext/depth_map_io.h"
+#include "colmap_ext/pose_access.h"
+#include "colmap_ext/synthetic/synthetic_scene_io.h"
+#include "colmap_ext/synthetic/town_scene.h"
+#include "controllers/command_options.h"
+#include "controllers/commands.h"
+#include "controllers/progress.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <stdexcept>
+#include <vector>
+
+namespace dgsfm {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// Surface points of the true model per image, as many as sparse models have.
+constexpr int kNumPointsPerImage = 300;
+// Resolution of the depth maps in databases of observations [px].
+constexpr int kDepthCellSize = 16;
+
+// A folder that exists and is empty, or was created.
+void CreateEmptyFolder(const std::string& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (!fs::is_directory(path)) {
+    throw std::runtime_error("cannot create the folder '" + path + "'" +
+                             (error ? ": " + error.message() : ""));
+  }
+  if (!fs::is_empty(path)) {
+    throw std::runtime_error("the output folder '" + path + "' is not empty");
+  }
+}
+
+void CreateFolder(const fs::path& path) {
+  std::error_code error;
+  if (!fs::create_directory(path, error)) {
+    throw std::runtime_error("cannot create the folder '" + path.string() +
+                             "': " + error.message());
+  }
+}
+
+void WriteTruth(const fs::path& path,
+                const colmap::Reconstruction& model,
+                const std::map<std::string, double>& depth_scales) {
+  // COLMAP aborts where it cannot write.
+  const fs::path scales_path = path / "depth_scales.txt";
+  std::ofstream file(scales_path);
+  file.precision(17);
+  for (const auto& [name, scale] : depth_scales) {
+    file << name << " " << scale << "\n";
+  }
+  file.close();
+  if (!file) {
+    throw std::runtime_error("cannot write '" + scales_path.string() + "'");
+  }
+  model.WriteText(path.string());
+}
+
+void WriteObservations(const SyntheticScene& scene, const fs::path& path) {
+  WriteSyntheticDatabase(scene, path.string());
+  DepthDatabase database(path.string(), DepthDatabase::Mode::READ_WRITE);
+  database.BeginTransaction();
+  for (const auto& [image_id, depths] : KeypointDepthsFromSynthetic(scene)) {
+    database.WriteDepthMap(
+        image_id,
+        DepthMapFromSynthetic(scene, image_id, kDepthCellSize),
+        depths);
+  }
+  database.CommitTransaction();
+}
+
+// The true model of the town: cameras and images, no points yet.
+colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options) {
+  colmap::Reconstruction model;
+  const auto cameras = SynthesizeCameras(
+      options.camera, options.num_images, options.random_seed);
+  for (const auto& [camera_id, camera] : cameras) model.AddCamera(camera);
+  const std::vector<Rigid3d> views = CreateTownViews(
+      options.trajectory, options.num_images, options.random_seed);
+  for (int i = 0; i < options.num_images; ++i) {
+    colmap::Image image;
+    image.SetImageId(i + 1);
+    image.SetCameraId(1 + i % cameras.size());
+    char name[32];
+    std::snprintf(name, sizeof(name), "image%04d.jpg", i);
+    image.SetName(name);
+    SetCamFromWorld(views[i], &image);
+    model.AddImage(image);
+    model.RegisterImage(image.ImageId());
+  }
+  return model;
+}
+
+void AddDepthErrors(const DepthNoiseOptions& options,
+                    double scale,
+                    uint32_t random_seed,
+                    colmap::image_t image_id,
+                    DepthMap* depth_map) {
+  DepthNoise noise(options, scale, random_seed, image_id);
+  for (int y = 0; y < depth_map->height; ++y) {
+    for (int x = 0; x < depth_map->width; ++x) {
+      float& depth = depth_map->values[size_t(y) * depth_map->width + x];
+      depth = noise.PriorDepth(
+          depth, {(x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height});
+    }
+  }
+}
+
+void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {
+  const SyntheticSceneOptions& scene = options.scene;
+  const fs::path output_path(options.output_path);
+  for (const char* name : {"images", "depth", "gt"}) {
+    CreateFolder(output_path / name);
+  }
+  const RenderScene town = CreateTown(scene.random_seed);
+  colmap::Reconstruction model = CreateTownModel(scene);
+  const std::vector<double> scales = SynthesizeDepthScales(
+      scene.depth_noise.log_scale_stddev, scene.num_images, scene.random_seed);
+  std::map<std::string, double> depth_scales;
+  Progress progress("Rendering images", scene.num_images);
+  for (int i = 0; i < scene.num_images; ++i) {
+    const colmap::Image& image = model.Image(i + 1);
+    RenderedImage rendered = RenderImage(town,
+                                         model.Camera(image.CameraId()),
+                                         CamFromWorld(image),
+                                         options.num_threads);
+    const fs::path image_path = output_path / "images" / image.Name();
+    if (!rendered.bitmap.Write(
+            image_path.string(), FIF_JPEG, JPEG_QUALITYSUPERB)) {
+      throw std::runtime_error("cannot write '" + image_path.string() + "'");
+    }
+    AddDepthErrors(scene.depth_noise,
+                   scales[i],
+                   scene.random_seed,
+                   image.ImageId(),
+                   &rendered.depth_map);
+    WriteDepthNpy((output_path / "depth" / (image.Name() + ".npy")).string(),
+                  rendered.depth_map,
+                  NpyPrecision::HALF);
+    depth_scales[image.Name()] = scales[i];
+    progress.Step();
+  }
+  AddSurfacePoints(town, kNumPointsPerImage, &model);
+  WriteTruth(output_path / "gt", model, depth_scales);
+}
+
+void WriteDatabase(const DepthSceneSynthesizerOptions& options) {
+  const fs::path output_path(options.output_path);
+  CreateFolder(output_path / "gt");
+  const SyntheticScene scene = SynthesizeScene(options.scene);
+  WriteObservations(scene, output_path / "database.db");
+  std::map<std::string, double> depth_scales;
+  for (const auto& [image_id, image] : scene.images) {
+    if (!image.prior_depths.empty()) {
+      depth_scales[image.name] = image.depth_scale;
+    }
+  }
+  WriteTruth(
+      output_path / "gt", ReconstructionFromSynthetic(scene), depth_scales);
+}
+
+void BindSceneOptions(SyntheticSceneOptions* scene, CommandOptions* options) {
+  options->Add("num_images", &scene->num_images, "number of images");
+  SyntheticCameraOptions& camera = scene->camera;
+  options->Add("width", &camera.width_px, "image width [px]");
+  options->Add("height", &camera.height_px, "image height [px]");
+  options->Add("camera_model",
+               &camera.model_name,
+               "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
+  options->Add("focal_length", &camera.focal_length_px, "focal length [px]");
+  options->Add("radial_distortion",
+               &camera.radial_distortion,
+               "first radial coefficient [1], in [-0.2, 0.2]");
+  options->Add("num_cameras",
+               &camera.num_cameras,
+               "cameras that the images share in turn; 0 is one per image");
+  options->Add("max_log_focal_offset",
+               &camera.max_log_focal_offset,
+               "each camera's log focal length differs by up to this [1]");
+  DepthNoiseOptions& noise = scene->depth_noise;
+  options->Add("depth_scale_drift",
+               &noise.log_scale_stddev,
+               "standard deviation of the depth maps' log scales [1]");
+  options->Add("depth_field",
+               &noise.log_field_stddev,
+               "standard deviation of the smooth log-depth error [1]");
+  options->Add("depth_noise",
+               &noise.log_noise_stddev,
+               "standard deviation of the log-depth noise of a pixel [1]");
+  options->Add("depth_outlier_ratio",
+               &noise.outlier_ratio,
+               "share of pixels with grossly wrong depth, in [0, 1)");
+}
+
+void BindDatabaseOptions(SyntheticSceneOptions* scene,
+                         CommandOptions* options) {
+  options->Add("num_points", &scene->num_points, "(database) number of points");
+  options->Add("num_components",
+               &scene->num_components,
+               "(database) parts of the scene without common points");
+  options->Add("image_noise",
+               &scene->image_noise_px,
+               "(database) standard deviation of key points [px]");
+  options->Add("outlier_match_ratio",
+               &scene->outlier_match_ratio,
+               "(database) share of wrong matches, in [0, 1)");
+  options->Add("no_depth_ratio",
+               &scene->no_depth_ratio,
+               "(database) share of images without depth, in [0, 1)");
+  options->Add("num_false_pairs",
+               &scene->num_false_pairs,
+               "(database) image pairs with consistent, but wrong matches");
+  options->Add("max_num_neighbors",
+               &scene->max_num_neighbors,
+               "(database) images that an image is matched with, at least");
+  options->Add("known_focal_length",
+               &scene->known_focal_length,
+               "(database) whether cameras have their true parameters");
+}
+
+// Depth errors as those of good metric networks, for the command's users;
+// tests start from none.
+DepthSceneSynthesizerOptions DefaultOptions() {
+  DepthSceneSynthesizerOptions options;
+  options.scene.num_images = 24;
+  options.scene.depth_noise.log_scale_stddev = 0.1;
+  options.scene.depth_noise.log_field_stddev = 0.02;
+  options.scene.depth_noise.log_noise_stddev = 0.01;
+  options.scene.image_noise_px = 0.5;
+  return options;
+}
+
+}  // namespace
+
+bool DepthSceneSynthesizerOptions::IsValid(std::string* error) const {
+  if (!scene.IsValid(error)) return false;
+  if (num_threads == -1 || num_threads > 0) return true;
+  *error = "num_threads = " + std::to_string(num_threads) +
+           " must be -1 or positive";
+  return false;
+}
+
+void SynthesizeDepthScene(const DepthSceneSynthesizerOptions& options) {
+  std::string error;
+  if (!options.IsValid(&error)) throw std::runtime_error(error);
+  CreateEmptyFolder(options.output_path);
+  if (options.database_only) {
+    WriteDatabase(options);
+  } else {
+    WriteImagesAndDepth(options);
+  }
+}
+
+int RunDepthSceneSynthesizer(int argc, char** argv) {
+  DepthSceneSynthesizerOptions options = DefaultOptions();
+  std::string trajectory = TrajectoryName(options.scene.trajectory);
+  int random_seed = 0;
+  CommandOptions command_options(
+      "depth_scene_synthesizer",
+      "Writes a synthetic scene with exact truth: images and depth maps, or a "
+      "database of observations.");
+  command_options.AddRequired("output_path",
+                              &options.output_path,
+                              "new or empty folder for images/, depth/, gt/");
+  command_options.Add("database_only",
+                      &options.database_only,
+                      "write database.db with depth instead of images");
+  command_options.Add("trajectory", &trajectory, "ring, street or facade");
+  BindSceneOptions(&options.scene, &command_options);
+  BindDatabaseOptions(&options.scene, &command_options);
+  command_options.Add("random_seed", &random_seed, "seed of all random draws");
+  command_options.Add(
+      "num_threads", &options.num_threads, "threads, -1 is one per core");
+  if (const auto exit_code = command_options.Parse(argc, argv)) {
+    return *exit_code;
+  }
+  options.scene.trajectory = TrajectoryFromName(trajectory);
+  options.scene.random_seed = static_cast<uint32_t>(random_seed);
+  SynthesizeDepthScene(options);
+  std::cout << "Wrote " << options.scene.num_images << " images "
+            << (options.database_only ? "as observations in database.db"
+                                      : "with depth maps")
+            << " and their truth to " << options.output_path << std::endl;
+  return 0;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,38 @@
+// The controller of depth_scene_synthesizer: writes synthetic scenes with exact
+// truth, as images with depth maps or as a database of observations.
+
+#pragma once
+
+#include "colmap_ext/synthetic/depth_noise.h"
+#include "colmap_ext/synthetic/synthetic_camera.h"
+#include "colmap_ext/synthetic/synthetic_scene.h"
+
+#include <string>
+
+namespace dgsfm {
+
+struct DepthSceneSynthesizerOptions {
+  // New or empty folder; created if missing.
+  std::string output_path;
+  // Write database.db instead of images and depth maps.
+  bool database_only = false;
+  // Number of images, trajectory, cameras, depth noise and seed count in both
+  // cases, the other fields for databases only.
+  SyntheticSceneOptions scene;
+  // Threads that render; -1 is one per core.
+  int num_threads = -1;
+
+  bool IsValid(std::string* error) const;
+};
+
+// Writes into the output folder:
+// - images/*.jpg and depth/<image name>.npy (z-depth, half floats), or with
+//   database_only a COLMAP 3.8 database.db with key points, matches and depth
+//   priors;
+// - gt/: the true model as text, in metres;
+// - gt/depth_scales.txt: a line "image name, true scale" for each image with
+//   depth; true depth is the scale times the map, but for the depth errors.
+// Throws std::runtime_error if the folder is not empty or cannot be written.
+void SynthesizeDepthScene(const DepthSceneSynthesizerOptions& options);
+
+}  // namespace dgsfm
