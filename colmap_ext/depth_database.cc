@@ -205,9 +205,15 @@ DepthDatabase::~DepthDatabase() = default;
 void DepthDatabase::WriteDepthMap(colmap::image_t image_id,
                                   const DepthMap& depth_map,
                                   const KeypointDepths& keypoint_depths) {
+  WriteCompressedDepthMap(image_id, CompressDepth(depth_map), keypoint_depths);
+}
+
+void DepthDatabase::WriteCompressedDepthMap(
+    colmap::image_t image_id,
+    const CompressedDepthMap& depth_map,
+    const KeypointDepths& keypoint_depths) {
   DGSFM_CHECK(std::all_of(
       keypoint_depths.depths.begin(), keypoint_depths.depths.end(), IsDepth));
-  const std::vector<uint8_t> blob = CompressDepth(depth_map);
   impl_->RunWrite([&] {
     const Impl::ImageInfo image = impl_->ReadImage(image_id);
     DGSFM_CHECK(int64_t(keypoint_depths.depths.size()) == image.num_keypoints)
@@ -220,7 +226,7 @@ void DepthDatabase::WriteDepthMap(colmap::image_t image_id,
         .BindInt(2, depth_map.width)
         .BindInt(3, depth_map.height)
         .BindInt(4, static_cast<int>(depth_map.unit))
-        .BindBlob(5, blob)
+        .BindBlob(5, depth_map.bytes)
         .Run();
     SqliteStatement(impl_->connection,
                     "INSERT OR REPLACE INTO dgsfm_keypoint_depths(image_id, "
@@ -257,10 +263,10 @@ DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
   }
   const DepthUnit unit = impl_->CheckedUnit(select.Int(2), name);
   try {
-    return DecompressDepth(select.Blob<uint8_t>(3),
-                           static_cast<int>(width),
-                           static_cast<int>(height),
-                           unit);
+    return DecompressDepth({static_cast<int>(width),
+                            static_cast<int>(height),
+                            unit,
+                            select.Blob<uint8_t>(3)});
   } catch (const std::runtime_error& error) {
     throw impl_->connection.Error()
         << "depth map of image " << name << ": " << error.what()

@@ -40,10 +40,13 @@ class DepthDatabase {
   ~DepthDatabase();
 
   // Writes map and samples of one image, one per key point of the image in the
-  // database, replacing earlier ones.
+  // database, replacing earlier ones. The second form lets threads compress.
   void WriteDepthMap(colmap::image_t image_id,
                      const DepthMap& depth_map,
                      const KeypointDepths& keypoint_depths);
+  void WriteCompressedDepthMap(colmap::image_t image_id,
+                               const CompressedDepthMap& depth_map,
+                               const KeypointDepths& keypoint_depths);
   bool HasDepthMap(colmap::image_t image_id) const;
   DepthMap ReadDepthMap(colmap::image_t image_id) const;
 

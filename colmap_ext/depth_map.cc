@@ -157,7 +157,7 @@ std::vector<float> SampleDepth(const DepthMap& depth_map,
   return samples;
 }
 
-std::vector<uint8_t> CompressDepth(const DepthMap& depth_map) {
+CompressedDepthMap CompressDepth(const DepthMap& depth_map) {
   CheckIsWellFormed(depth_map);
   const size_t num_values = depth_map.values.size();
   std::vector<uint8_t> planes(2 * num_values);
@@ -176,22 +176,24 @@ std::vector<uint8_t> CompressDepth(const DepthMap& depth_map) {
   z_stream stream = {};
   DGSFM_CHECK(deflateInit2(&stream, 1, Z_DEFLATED, MAX_WBITS, 9, Z_RLE) ==
               Z_OK);
-  std::vector<uint8_t> blob(deflateBound(&stream, planes.size()));
+  CompressedDepthMap compressed = {
+      depth_map.width, depth_map.height, depth_map.unit, {}};
+  compressed.bytes.resize(deflateBound(&stream, planes.size()));
   stream.next_in = planes.data();
   stream.avail_in = planes.size();
-  stream.next_out = blob.data();
-  stream.avail_out = blob.size();
+  stream.next_out = compressed.bytes.data();
+  stream.avail_out = compressed.bytes.size();
   const int status = deflate(&stream, Z_FINISH);
-  blob.resize(stream.total_out);
+  compressed.bytes.resize(stream.total_out);
   deflateEnd(&stream);
   DGSFM_CHECK(status == Z_STREAM_END) << "zlib status " << status;
-  return blob;
+  return compressed;
 }
 
-DepthMap DecompressDepth(const std::vector<uint8_t>& blob,
-                         int width,
-                         int height,
-                         DepthUnit unit) {
+DepthMap DecompressDepth(const CompressedDepthMap& compressed) {
+  const int width = compressed.width;
+  const int height = compressed.height;
+  const std::vector<uint8_t>& bytes = compressed.bytes;
   const auto fail = [&](const std::string& reason) {
     throw std::runtime_error("stored depth map of " + std::to_string(width) +
                              " x " + std::to_string(height) + ": " + reason);
@@ -201,18 +203,19 @@ DepthMap DecompressDepth(const std::vector<uint8_t>& blob,
   }
   const size_t num_values = size_t(width) * height;
   // Before allocating what a damaged size asks for.
-  if (num_values / kMaxDeflateRatio > blob.size()) fail("too little data");
+  if (num_values / kMaxDeflateRatio > bytes.size()) fail("too little data");
 
   std::vector<uint8_t> planes(2 * num_values);
   uLongf num_bytes = planes.size();
-  uLong num_read = blob.size();
+  uLong num_read = bytes.size();
   const int status =
-      uncompress2(planes.data(), &num_bytes, blob.data(), &num_read);
+      uncompress2(planes.data(), &num_bytes, bytes.data(), &num_read);
   if (status != Z_OK) fail(std::string("zlib says ") + zError(status));
   if (num_bytes != planes.size()) fail("too few values");
-  if (num_read != blob.size()) fail("data after its end");
+  if (num_read != bytes.size()) fail("data after its end");
 
-  DepthMap depth_map = {width, height, unit, std::vector<float>(num_values)};
+  DepthMap depth_map = {
+      width, height, compressed.unit, std::vector<float>(num_values)};
   uint16_t bits = 0;
   for (size_t i = 0; i < num_values; ++i) {
     bits += UnZigZag(planes[i] | planes[num_values + i] << 8);

@@ -58,19 +58,24 @@ std::vector<float> SampleDepth(const DepthMap& depth_map,
                                int image_height,
                                const DepthSamplingOptions& options);
 
-// Packs the values as half-precision floats; the unit is stored elsewhere.
+// A depth map as the database keeps it.
+struct CompressedDepthMap {
+  int width = 0;
+  int height = 0;
+  DepthUnit unit = DepthUnit::METRIC;
+  std::vector<uint8_t> bytes;
+};
+
+// Packs the values as half-precision floats.
 // Before zlib, per value in row-major order: its 16 bits as an unsigned number
 // minus those of the value before it (0 before the first) modulo 2^16, taken
 // as a signed number d and mapped to code = 2 d (d >= 0) or -2 d - 1 (d < 0);
 // then the low bytes of all codes followed by their high bytes. Depth beyond
 // half range saturates at 65504, depth below it at 2^-24, so that known depth
 // stays known.
-std::vector<uint8_t> CompressDepth(const DepthMap& depth_map);
-// Throws std::runtime_error if the blob is damaged or not width x height
+CompressedDepthMap CompressDepth(const DepthMap& depth_map);
+// Throws std::runtime_error if the bytes are damaged or not width x height
 // values.
-DepthMap DecompressDepth(const std::vector<uint8_t>& blob,
-                         int width,
-                         int height,
-                         DepthUnit unit);
+DepthMap DecompressDepth(const CompressedDepthMap& compressed);
 
 }  // namespace dgsfm

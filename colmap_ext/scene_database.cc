@@ -70,7 +70,7 @@ class SceneReader {
   explicit SceneReader(const SqliteConnection& connection)
       : connection_(connection) {}
 
-  Scene Read() {
+  Scene Read(bool with_matches) {
     const SqliteTransaction snapshot(connection_,
                                      SqliteTransaction::Kind::READ);
     CheckIsColmapDatabase(connection_);
@@ -78,6 +78,12 @@ class SceneReader {
     ReadCameras();
     ReadImages();
     ReadKeypoints();
+    if (with_matches) ReadAllMatches();
+    return std::move(scene_);
+  }
+
+ private:
+  void ReadAllMatches() {
     scene_.verified_matches = ReadMatches(
         "SELECT pair_id, rows, cols, data FROM two_view_geometries "
         // Calibrated, uncalibrated, planar, panoramic, planar or panoramic,
@@ -87,10 +93,8 @@ class SceneReader {
         "SELECT pair_id, rows, cols, data FROM matches WHERE rows != 0");
     scene_.matches.insert(scene_.verified_matches.begin(),
                           scene_.verified_matches.end());
-    return std::move(scene_);
   }
 
- private:
   void CheckRigs() const {
     if (!connection_.HasTable("rigs") || !connection_.HasTable("rig_sensors")) {
       return;
@@ -322,7 +326,14 @@ Scene ReadScene(const std::string& database_path,
                 std::chrono::milliseconds busy_timeout) {
   const SqliteConnection connection(
       database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
-  return SceneReader(connection).Read();
+  return SceneReader(connection).Read(/*with_matches=*/true);
+}
+
+Scene ReadSceneWithoutMatches(const std::string& database_path,
+                              std::chrono::milliseconds busy_timeout) {
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection).Read(/*with_matches=*/false);
 }
 
 std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(

@@ -51,6 +51,10 @@ struct Scene {
 // and later) and camera models that COLMAP 3.8 lacks are refused by name.
 Scene ReadScene(const std::string& database_path,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+// The same for callers that need only cameras, images and key points.
+Scene ReadSceneWithoutMatches(
+    const std::string& database_path,
+    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
 
 // Image ids of a pair id, the smaller first (COLMAP's pair id formula).
 std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(

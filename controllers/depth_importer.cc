@@ -85,55 +85,44 @@ std::map<colmap::image_t, std::string> MatchFilesToImages(
   return file_of_image;
 }
 
-// What is stored of an image, or why it cannot be.
+// What is stored and told of an image, or why it cannot be.
 struct ImageDepth {
-  DepthMap depth_map;
+  CompressedDepthMap depth_map;
   KeypointDepths keypoint_depths;
+  DepthImportSummary::Image summary;
   std::exception_ptr error;
 };
 
-ImageDepth ReadImageDepth(const std::string& path,
+ImageDepth ReadImageDepth(const std::string& depth_path,
+                          const std::string& file,
                           const colmap::Image& image,
                           const colmap::Camera& camera,
                           const DepthImportOptions& options) {
-  ImageDepth result;
-  try {
-    result.depth_map = ReadDepthMap(path, camera, options.reading);
-    std::vector<Eigen::Vector2d> keypoints;
-    keypoints.reserve(image.NumPoints2D());
-    for (const colmap::Point2D& point2D : image.Points2D()) {
-      keypoints.push_back(point2D.XY());
-    }
-    result.keypoint_depths.unit = options.reading.unit;
-    result.keypoint_depths.depths = SampleDepth(result.depth_map,
-                                                keypoints,
-                                                camera.Width(),
-                                                camera.Height(),
-                                                options.sampling);
-  } catch (...) {
-    // Kept so that the first image's error is reported, not the first thread's.
-    result.error = std::current_exception();
+  const DepthMap depth_map = ReadDepthMap(
+      (fs::path(depth_path) / file).string(), camera, options.reading);
+  std::vector<Eigen::Vector2d> keypoints;
+  keypoints.reserve(image.NumPoints2D());
+  for (const colmap::Point2D& point2D : image.Points2D()) {
+    keypoints.push_back(point2D.XY());
   }
+  std::vector<float> depths = SampleDepth(
+      depth_map, keypoints, camera.Width(), camera.Height(), options.sampling);
+
+  ImageDepth result;
+  result.summary.name = image.Name();
+  result.summary.file = file;
+  result.summary.width = depth_map.width;
+  result.summary.height = depth_map.height;
+  result.summary.coverage = depth_map.Coverage();
+  result.summary.num_keypoints = depths.size();
+  result.summary.num_keypoints_with_depth = std::count_if(
+      depths.begin(), depths.end(), [](float depth) { return depth > 0; });
+  result.depth_map = CompressDepth(depth_map);
+  result.keypoint_depths = {options.reading.unit, std::move(depths)};
   return result;
 }
 
-DepthImportSummary::Image Summarize(const std::string& name,
-                                    const std::string& file,
-                                    const ImageDepth& image_depth) {
-  const std::vector<float>& depths = image_depth.keypoint_depths.depths;
-  DepthImportSummary::Image summary;
-  summary.name = name;
-  summary.file = file;
-  summary.width = image_depth.depth_map.width;
-  summary.height = image_depth.depth_map.height;
-  summary.coverage = image_depth.depth_map.Coverage();
-  summary.num_keypoints = depths.size();
-  summary.num_keypoints_with_depth = std::count_if(
-      depths.begin(), depths.end(), [](float depth) { return depth > 0; });
-  return summary;
-}
-
-// Reads in parallel, writes in the order of image ids.
+// Reads, samples and compresses in parallel, writes in the order of image ids.
 std::vector<DepthImportSummary::Image> ImportFiles(
     const Scene& scene,
     const std::map<colmap::image_t, std::string>& file_of_image,
@@ -151,19 +140,23 @@ std::vector<DepthImportSummary::Image> ImportFiles(
     ParallelFor(batch.size(), options.num_threads, [&](size_t i) {
       const auto& [image_id, file] = files[begin + i];
       const colmap::Image& image = scene.images.at(image_id);
-      batch[i] = ReadImageDepth((fs::path(depth_path) / file).string(),
-                                image,
-                                scene.cameras.at(image.CameraId()),
-                                options);
+      try {
+        batch[i] = ReadImageDepth(depth_path,
+                                  file,
+                                  image,
+                                  scene.cameras.at(image.CameraId()),
+                                  options);
+      } catch (...) {
+        // The first image's error is to be reported, not the first thread's.
+        batch[i].error = std::current_exception();
+      }
       progress.Step();
     });
     for (size_t i = 0; i < batch.size(); ++i) {
       if (batch[i].error) std::rethrow_exception(batch[i].error);
-      const auto& [image_id, file] = files[begin + i];
-      database->WriteDepthMap(
-          image_id, batch[i].depth_map, batch[i].keypoint_depths);
-      imported.push_back(
-          Summarize(scene.images.at(image_id).Name(), file, batch[i]));
+      database->WriteCompressedDepthMap(
+          files[begin + i].first, batch[i].depth_map, batch[i].keypoint_depths);
+      imported.push_back(std::move(batch[i].summary));
     }
   }
   return imported;
@@ -233,7 +226,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const DepthImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadScene(database_path);
+  const Scene scene = ReadSceneWithoutMatches(database_path);
   const auto files = FindDepthFiles(depth_path);
   const auto file_of_image = MatchFilesToImages(scene, files);
   if (file_of_image.empty()) {

@@ -34,10 +34,7 @@ float SampleOne(const DepthMap& depth_map,
 }
 
 DepthMap RoundTrip(const DepthMap& depth_map) {
-  return DecompressDepth(CompressDepth(depth_map),
-                         depth_map.width,
-                         depth_map.height,
-                         depth_map.unit);
+  return DecompressDepth(CompressDepth(depth_map));
 }
 
 TEST(DepthMap, CoverageIsShareOfKnownPixels) {
@@ -160,7 +157,7 @@ TEST(CompressDepth, BytesAreAsDocumented) {
   // Half bits 0x3c00 (1), 0x3c01 (1 + 2^-10), 0x3c00: differences 0x3c00, 1,
   // -1, codes 0x7800, 2, 1; low bytes, then high bytes.
   const std::vector<uint8_t> blob =
-      CompressDepth(CreateMap(3, 1, {1, 1 + std::ldexp(1.0f, -10), 1}));
+      CompressDepth(CreateMap(3, 1, {1, 1 + std::ldexp(1.0f, -10), 1})).bytes;
   std::vector<uint8_t> bytes(100);
   uLongf num_bytes = bytes.size();
   ASSERT_EQ(uncompress(bytes.data(), &num_bytes, blob.data(), blob.size()),
@@ -183,7 +180,7 @@ void ExpectDamaged(const std::vector<uint8_t>& blob,
                    int height,
                    const std::string& reason) {
   try {
-    DecompressDepth(blob, width, height, DepthUnit::METRIC);
+    DecompressDepth({width, height, DepthUnit::METRIC, blob});
     ADD_FAILURE() << "accepted, expected: " << reason;
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), HasSubstr(reason));
@@ -192,7 +189,7 @@ void ExpectDamaged(const std::vector<uint8_t>& blob,
 
 TEST(DecompressDepth, RefusesDamagedBlobs) {
   const std::vector<uint8_t> blob =
-      CompressDepth(CreateMap(2, 2, {1, 2, 3, 4}));
+      CompressDepth(CreateMap(2, 2, {1, 2, 3, 4})).bytes;
   ExpectDamaged({}, 2, 2, "2 x 2");
   ExpectDamaged({1, 2, 3}, 2, 2, "zlib");
   ExpectDamaged(blob, 3, 2, "too few values");

@@ -107,6 +107,16 @@ TEST_P(SceneDatabaseTest, ReadsCamerasImagesAndMatches) {
   EXPECT_EQ(Indices(scene.verified_matches.at(PairIdOfImages(1, 2))), expected);
 }
 
+TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
+  Execute("UPDATE matches SET data = x'00'");  // cannot be read
+  const Scene scene = ReadSceneWithoutMatches(path_);
+  EXPECT_EQ(scene.cameras.size(), 2);
+  ASSERT_EQ(scene.images.size(), 3);
+  EXPECT_EQ(scene.images.at(1).NumPoints2D(), 3);
+  EXPECT_TRUE(scene.matches.empty());
+  EXPECT_TRUE(scene.verified_matches.empty());
+}
+
 TEST_P(SceneDatabaseTest, LeavesDatabaseAsItWas) {
   const auto version = [this] {
     SqliteStatement select(writer_.Connection(), "PRAGMA user_version");
