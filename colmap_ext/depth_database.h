@@ -18,12 +18,6 @@
 
 namespace dgsfm {
 
-// Depth [unit of the image's map] at each key point of an image; 0 unknown.
-struct KeypointDepths {
-  DepthUnit unit = DepthUnit::METRIC;
-  std::vector<float> depths;
-};
-
 // One connection to the tables. Not thread-safe. All methods throw
 // std::runtime_error with the path and SQLite's message; a failed call leaves
 // the database as it was.

@@ -36,6 +36,12 @@ struct DepthMap {
   double Coverage() const;
 };
 
+// Depth [unit of the image's map] at each key point of an image; 0 unknown.
+struct KeypointDepths {
+  DepthUnit unit = DepthUnit::METRIC;
+  std::vector<float> depths;
+};
+
 struct DepthSamplingOptions {
   // Largest ratio of the largest to the smallest depth among the four
   // neighbours for them to count as one surface. Beyond it the sample lies on

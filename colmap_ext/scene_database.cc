@@ -13,9 +13,6 @@
 namespace dgsfm {
 namespace {
 
-// Image ids are smaller, so that a pair id fits into 64 bits.
-constexpr colmap::image_pair_t kMaxNumImages = 2147483647;
-
 // Sensor type of cameras in the tables rigs and rig_sensors.
 constexpr char kMultiCameraRigQuery[] =
     "SELECT rig_id, sensor_id FROM rig_sensors WHERE sensor_type = 0 "
@@ -334,21 +331,6 @@ Scene ReadSceneWithoutMatches(const std::string& database_path,
   const SqliteConnection connection(
       database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
   return SceneReader(connection).Read(/*with_matches=*/false);
-}
-
-std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(
-    colmap::image_pair_t pair_id) {
-  DGSFM_CHECK(pair_id < kMaxNumImages * kMaxNumImages) << pair_id;
-  return {static_cast<colmap::image_t>(pair_id / kMaxNumImages),
-          static_cast<colmap::image_t>(pair_id % kMaxNumImages)};
-}
-
-colmap::image_pair_t PairIdOfImages(colmap::image_t image_id1,
-                                    colmap::image_t image_id2) {
-  DGSFM_CHECK(image_id1 < kMaxNumImages) << image_id1;
-  DGSFM_CHECK(image_id2 < kMaxNumImages) << image_id2;
-  return kMaxNumImages * std::min(image_id1, image_id2) +
-         std::max(image_id1, image_id2);
 }
 
 }  // namespace dgsfm

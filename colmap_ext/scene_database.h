@@ -5,44 +5,13 @@
 
 #pragma once
 
+#include "colmap_ext/scene.h"
 #include "colmap_ext/sqlite.h"
 
-#include <colmap/util/alignment.h>
-
-#include <colmap/base/camera.h>
-#include <colmap/base/image.h>
-#include <colmap/feature/types.h>
-#include <colmap/util/types.h>
-
 #include <chrono>
-#include <map>
 #include <string>
-#include <utility>
-#include <vector>
 
 namespace dgsfm {
-
-// Everything the mapper needs of a COLMAP database, ordered by id.
-struct Scene {
-  std::map<colmap::camera_t,
-           colmap::Camera,
-           std::less<colmap::camera_t>,
-           Eigen::aligned_allocator<
-               std::pair<const colmap::camera_t, colmap::Camera>>>
-      cameras;
-  // With their key points as Points2D; images without key points have none.
-  std::map<
-      colmap::image_t,
-      colmap::Image,
-      std::less<colmap::image_t>,
-      Eigen::aligned_allocator<std::pair<const colmap::image_t, colmap::Image>>>
-      images;
-  // Putative matches of each pair (image_id1 < image_id2 as in the pair id);
-  // where a database has only verified matches, those.
-  std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
-  // Matches that COLMAP's geometric verification accepted, where it ran.
-  std::map<colmap::image_pair_t, colmap::FeatureMatches> verified_matches;
-};
 
 // Loads and validates a scene: indices in range, finite key points, known
 // cameras and camera models, no duplicate matches (duplicates are removed).
@@ -55,11 +24,5 @@ Scene ReadScene(const std::string& database_path,
 Scene ReadSceneWithoutMatches(
     const std::string& database_path,
     std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
-
-// Image ids of a pair id, the smaller first (COLMAP's pair id formula).
-std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(
-    colmap::image_pair_t pair_id);
-colmap::image_pair_t PairIdOfImages(colmap::image_t image_id1,
-                                    colmap::image_t image_id2);
 
 }  // namespace dgsfm

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/scene.h"
 #include "sfm/view_graph.h"
 
 #include <string>

@@ -2,9 +2,9 @@
 
 #pragma once
 
-#include "colmap_ext/depth_database.h"
+#include "colmap_ext/depth_map.h"
 #include "colmap_ext/pair_geometry.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/scene.h"
 #include "estimators/depth_consistency.h"
 #include "estimators/two_view_geometry_depth.h"
 
