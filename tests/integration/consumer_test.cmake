@@ -3,7 +3,11 @@
 
 file(REMOVE_RECURSE ${WORK_DIR})
 function(run)
-  execute_process(COMMAND ${ARGV} COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${ARGV} OUTPUT_VARIABLE OUTPUT ERROR_VARIABLE OUTPUT
+                  RESULT_VARIABLE RESULT)
+  if(RESULT)
+    message(FATAL_ERROR "${ARGV}: ${RESULT}\n${OUTPUT}")
+  endif()
 endfunction()
 
 run(${CMAKE_COMMAND} --install ${BUILD_DIR} --prefix ${WORK_DIR}/prefix)
