@@ -228,6 +228,17 @@ std::vector<std::string> FindModels(const std::string& path) {
   return folders;
 }
 
+std::string FindLargestModel(const std::string& path) {
+  const std::vector<std::string> folders = FindModels(path);
+  if (folders.size() == 1) return folders.front();
+  std::vector<size_t> num_images;
+  for (const std::string& folder : folders) {
+    num_images.push_back(ReadModelImages(folder).size());
+  }
+  const auto largest = std::max_element(num_images.begin(), num_images.end());
+  return folders[largest - num_images.begin()];
+}
+
 std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
   std::map<std::string, ModelImage> images;
   const auto read_binary = [&images](BinaryFile& file) {

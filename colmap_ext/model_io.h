@@ -38,6 +38,9 @@ struct ModelPoint {
 // there are none.
 std::vector<std::string> FindModels(const std::string& path);
 
+// Of those, the one with most images; the first if there are several.
+std::string FindLargestModel(const std::string& path);
+
 // Registered images by name. An empty model is no error.
 std::map<std::string, ModelImage> ReadModelImages(const std::string& folder);
 

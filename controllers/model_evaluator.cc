@@ -11,7 +11,6 @@
 #include <optional>
 #include <sstream>
 #include <stdexcept>
-#include <utility>
 
 #include <glog/logging.h>
 #include <nlohmann/json.hpp>
@@ -19,28 +18,12 @@
 namespace dgsfm {
 namespace {
 
-struct LargestModel {
-  std::string path;
-  size_t num_models = 0;
+std::map<std::string, Rigid3d> ReadPoses(const std::string& folder) {
   std::map<std::string, Rigid3d> cam_from_world;
-};
-
-// The first of the largest ones if there are several.
-LargestModel ReadLargestModel(const std::string& path) {
-  const std::vector<std::string> folders = FindModels(path);
-  LargestModel model;
-  model.path = folders.front();
-  model.num_models = folders.size();
-  for (const std::string& folder : folders) {
-    const std::map<std::string, ModelImage> images = ReadModelImages(folder);
-    if (images.size() <= model.cam_from_world.size()) continue;
-    model.path = folder;
-    model.cam_from_world.clear();
-    for (const auto& [name, image] : images) {
-      model.cam_from_world.emplace(name, image.cam_from_world);
-    }
+  for (const auto& [name, image] : ReadModelImages(folder)) {
+    cam_from_world.emplace(name, image.cam_from_world);
   }
-  return model;
+  return cam_from_world;
 }
 
 // Positive numbers separated by commas.
@@ -80,18 +63,17 @@ void WriteJson(const ModelEvaluation& evaluation, const std::string& path) {
 ModelEvaluation EvaluateModel(const std::string& model_path,
                               const std::string& ground_truth_path,
                               const std::vector<double>& thresholds_deg) {
-  const LargestModel model = ReadLargestModel(model_path);
-  const LargestModel truth = ReadLargestModel(ground_truth_path);
   ModelEvaluation evaluation;
-  evaluation.model_path = model.path;
-  evaluation.num_models = model.num_models;
+  evaluation.model_path = FindLargestModel(model_path);
+  evaluation.num_models = FindModels(model_path).size();
   evaluation.thresholds_deg = thresholds_deg;
   evaluation.metrics =
-      EvaluatePoses(truth.cam_from_world, model.cam_from_world);
+      EvaluatePoses(ReadPoses(FindLargestModel(ground_truth_path)),
+                    ReadPoses(evaluation.model_path));
   evaluation.auc =
       AreaUnderCurve(evaluation.metrics.relative_errors_deg, thresholds_deg);
   if (evaluation.metrics.num_registered == 0) {
-    LOG(WARNING) << "No image of " << model.path
+    LOG(WARNING) << "No image of " << evaluation.model_path
                  << " has the name of one in the ground truth";
   }
   return evaluation;

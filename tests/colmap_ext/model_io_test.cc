@@ -111,6 +111,8 @@ TEST_P(ModelIo, FindsModelOrSubFolders) {
   fs::create_directory(dir + "/other");
   EXPECT_THAT(FindModels(dir), testing::ElementsAre(first, second));
   EXPECT_THAT(FindModels(first), testing::ElementsAre(first));
+  EXPECT_EQ(FindLargestModel(dir), second);
+  EXPECT_EQ(FindLargestModel(first), first);
 }
 
 INSTANTIATE_TEST_SUITE_P(Forms, ModelIo, testing::Bool(), [](const auto& form) {

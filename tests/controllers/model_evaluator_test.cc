@@ -1,6 +1,6 @@
 #include "controllers/model_evaluator.h"
 
-#include "controllers/commands.h"
+#include "tests/controllers/run_command.h"
 #include "tests/testing/ring_model.h"
 #include "tests/testing/test_dir.h"
 
@@ -82,40 +82,32 @@ TEST(RunModelEvaluator, WritesTextAndJson) {
   const std::string dir = CreateTestDir();
   const std::string model = WriteText(CreateRingModel(3), dir + "/model");
   const std::string json_path = dir + "/result.json";
-  const auto run = [&](std::string thresholds, std::string json) {
-    std::vector<std::string> arguments = {"colmap",
-                                          "--input_path",
-                                          model,
-                                          "--ground_truth_path",
-                                          model,
-                                          "--thresholds",
-                                          thresholds,
-                                          "--json_path",
-                                          json};
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const int code = RunCommand(
-        {"model_evaluator", "", &RunModelEvaluator}, argv.size(), argv.data());
-    return std::make_tuple(code,
-                           testing::internal::GetCapturedStdout(),
-                           testing::internal::GetCapturedStderr());
+  const auto run = [&model](const std::string& thresholds,
+                            const std::string& json) {
+    return RunForTest(&RunModelEvaluator,
+                      {"--input_path",
+                       model,
+                       "--ground_truth_path",
+                       model,
+                       "--thresholds",
+                       thresholds,
+                       "--json_path",
+                       json});
   };
-  const auto [code, text, log] = run("0.5, 2", json_path);
-  EXPECT_EQ(code, 0) << log;
-  EXPECT_THAT(text, HasSubstr("Registered images: 3 of 3\n"));
-  EXPECT_THAT(text, HasSubstr("AUC@0.5: 100.00\nAUC@2: 100.00\n"));
+  const CommandResult good = run("0.5, 2", json_path);
+  EXPECT_EQ(good.code, 0) << good.err;
+  EXPECT_THAT(good.out, HasSubstr("Registered images: 3 of 3\n"));
+  EXPECT_THAT(good.out, HasSubstr("AUC@0.5: 100.00\nAUC@2: 100.00\n"));
   nlohmann::json json;
   std::ifstream(json_path) >> json;
   EXPECT_NEAR(json.at("auc").at("0.5"), 100, 1e-3);
 
   for (const char* thresholds : {"", "1,,2", "0", "-1", "1;2", "x"}) {
-    const auto [bad_code, bad_text, bad_log] = run(thresholds, json_path);
-    EXPECT_EQ(bad_code, 2) << thresholds;
-    EXPECT_THAT(bad_log, HasSubstr("--thresholds"));
+    const CommandResult bad = run(thresholds, json_path);
+    EXPECT_EQ(bad.code, 2) << thresholds;
+    EXPECT_THAT(bad.err, HasSubstr("--thresholds"));
   }
-  EXPECT_EQ(std::get<0>(run("1", dir + "/none/result.json")), 1);
+  EXPECT_EQ(run("1", dir + "/none/result.json").code, 1);
 }
 
 }  // namespace
