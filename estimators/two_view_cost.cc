@@ -97,6 +97,7 @@ class CostFunction {
   CostFunction(const TwoViewData& data, const TwoViewCostOptions& options)
       : data_(data),
         options_(options),
+        size_(std::min(data.Size(), options.max_num_matches)),
         inverse_stddev_(1 / options.stddev_px),
         max_sq_epipolar_(
             Square(options.max_epipolar_error_px * inverse_stddev_)),
@@ -140,7 +141,7 @@ class CostFunction {
     // Summed over the entries of F, then chained to the parameters once.
     Eigen::Matrix<double, 9, 9> matrix = Eigen::Matrix<double, 9, 9>::Zero();
     Eigen::Matrix<double, 9, 1> gradient = Eigen::Matrix<double, 9, 1>::Zero();
-    for (int i = 0; i < data_.Size(); ++i) {
+    for (int i = 0; i < size_; ++i) {
       const double error =
           SampsonError(F, data_.points1[i], data_.points2[i]) * inverse_stddev_;
       double weight;
@@ -166,7 +167,7 @@ class CostFunction {
                 TwoViewCost* cost,
                 NormalEquations* normal) const {
     const Eigen::Matrix3d F = at.FundamentalMatrix();
-    for (int i = 0; i < data_.Size(); ++i) {
+    for (int i = 0; i < size_; ++i) {
       if (!data_.HasDepths(i)) continue;
       if (options_.depth_term == DepthTerm::WHITENED) {
         AddWhitened(i, model, at, F, cost, normal);
@@ -273,6 +274,7 @@ class CostFunction {
 
   const TwoViewData& data_;
   const TwoViewCostOptions& options_;
+  const int size_;
   const double inverse_stddev_;
   const double max_sq_epipolar_;
   const double max_sq_depth_;
@@ -379,8 +381,6 @@ TwoViewCost RefineModel(const TwoViewData& data,
                         const TwoViewCostOptions& options,
                         int max_num_iterations,
                         TwoViewModel* model) {
-  // Relative decrease of the cost below which the rest is not worth a step.
-  constexpr double kMinDecrease = 1e-8;
   constexpr double kMaxDamping = 1e8;
   // Bound of a step in log scale and log focal lengths: beyond it the
   // linearisation says nothing.
@@ -411,8 +411,8 @@ TwoViewCost RefineModel(const TwoViewData& data,
       }
       const TwoViewCost moved_cost = function.Evaluate(moved, *model, nullptr);
       if (moved.IsFinite() && moved_cost.Total() < cost.Total()) {
-        converged =
-            cost.Total() - moved_cost.Total() < kMinDecrease * cost.Total();
+        converged = cost.Total() - moved_cost.Total() <
+                    options.min_relative_decrease * cost.Total();
         *model = moved;
         cost = moved_cost;
         damping = std::max(damping * 0.1, 1e-10);

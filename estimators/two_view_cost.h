@@ -92,8 +92,12 @@ struct TwoViewCostOptions {
   // Truncation of the transfer error in DepthTerm::REPROJECTION [px], at
   // which it costs as much as a Sampson error of max_epipolar_error_px.
   double max_reprojection_error_px = 16;
+  // Only so many of the first matches take part.
+  int max_num_matches = std::numeric_limits<int>::max();
   // Cauchy's loss up to the truncation instead of squares.
   bool cauchy = false;
+  // Refinement stops when a step lowers the cost by a smaller share.
+  double min_relative_decrease = 1e-5;
   // Gaussian prior on unknown log focal lengths; stddev 0 = none.
   double log_focal_prior_stddev = 0;
   double focal_prior1_px = 1;

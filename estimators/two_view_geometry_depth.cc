@@ -8,7 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,7 +23,7 @@ constexpr int kMinNumInliers = 8;
 constexpr double kStddevPerThreshold = 0.5;
 // Depth errors of a network vary slowly over an image: a pair has no more than
 // about this many independent ones, however many matches there are.
-constexpr double kNumIndependentDepths = 30;
+constexpr double kNumIndependentDepths = 20;
 // Log-normal prior around guessed focal lengths: a factor of 1.6.
 constexpr double kLogFocalPriorStddev = 0.5;
 // Focal lengths known better than this need no prior, ...
@@ -34,6 +36,10 @@ constexpr int kMinNumScalePoints = 15;
 constexpr double kMinScaleAngleRad = 0.6 * M_PI / 180;
 constexpr double kMaxScaleDeviation = 0.5;
 
+// Refinement of the winner goes on until rounding stops it: the costs of the
+// outliers hide the last of the decrease.
+constexpr double kMinFinalDecrease = 1e-13;
+
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
@@ -45,6 +51,30 @@ double RobustStddev(std::vector<double> values, double center) {
   for (double& value : values) value = std::abs(value - center);
   return 1.4826 * Median(std::move(values));
 }
+
+// A stage of local optimisation.
+struct Round {
+  // Factor of the thresholds.
+  double widening;
+  int max_num_iterations;
+  // Enough matches for the accuracy of the stage.
+  int max_num_matches;
+  // Whether the depths count as no more than kNumIndependentDepths.
+  bool capped;
+};
+
+// Minimal models of noisy depths are off by much more than the inlier
+// threshold: a wide basin first brings them in.
+constexpr Round kDepthRounds[] = {{16, 3, 200, false},
+                                  {8, 3, 200, false},
+                                  {4, 3, 400, true},
+                                  {2, 4, 800, true},
+                                  {1, 10, 2000, true}};
+constexpr Round kEpipolarRounds[] = {
+    {4, 3, 400, true}, {2, 4, 800, true}, {1, 10, 2000, true}};
+constexpr Round kAttachedRounds[] = {{2, 4, 800, true}, {1, 6, 2000, true}};
+constexpr Round kPaperRounds[] = {
+    {1, 25, std::numeric_limits<int>::max(), false}};
 
 struct Candidate {
   TwoViewModel model;
@@ -85,16 +115,24 @@ class Estimator {
  private:
   TwoViewCostOptions CostOptions(DepthTerm depth_term) const;
   DepthTerm SearchTerm(bool with_depth) const;
+  double DepthCap() const;
   Candidate Evaluate(const TwoViewModel& model, bool with_depth) const;
-  Candidate Optimize(const TwoViewModel& model, bool with_depth) const;
-  Candidate Search(HypothesisSource* source, bool with_depth);
-  int NumTrials(const TwoViewScore& score, int sample_size, int max_num) const;
-  bool DepthConvinces(const Candidate& candidate) const;
+  Candidate Optimize(const TwoViewModel& model,
+                     const Round* rounds,
+                     size_t num_rounds,
+                     bool with_depth) const;
+  void Consider(const Hypothesis& hypothesis, Candidate* best) const;
+  Candidate Search();
+  int NumTrials(double inlier_ratio, int sample_size, double share) const;
   std::vector<int> Inliers(const TwoViewModel& model) const;
   TwoViewCostOptions EstimateNoise(const TwoViewModel& model,
                                    bool with_depth,
                                    double* depth_noise) const;
+  TwoViewData WithoutWrongDepths(const TwoViewModel& model,
+                                 double max_error_px,
+                                 double depth_noise) const;
   void Finish(Candidate* candidate, TwoViewDepthResult* result) const;
+  void RefineWithoutDepth(Candidate* candidate) const;
   bool AttachScale(TwoViewModel* model) const;
   void Report(const Candidate& candidate, TwoViewDepthResult* result) const;
 
@@ -124,8 +162,16 @@ DepthTerm Estimator::SearchTerm(bool with_depth) const {
   return options_.paper ? DepthTerm::REPROJECTION : DepthTerm::WHITENED;
 }
 
+// Factor of depth noise that makes all matches tell as much as the independent
+// ones; half of the matches taken for inliers.
+double Estimator::DepthCap() const {
+  return std::sqrt(
+      std::max(1.0, 0.5 * num_depth_matches_ / kNumIndependentDepths));
+}
+
 // Sampson error and cheirality decide what fits; where they cannot tell
-// (planes, pure rotation), the depths do.
+// (planes, pure rotation), the depths do. A model without depth pays for all
+// of them.
 Candidate Estimator::Evaluate(const TwoViewModel& model,
                               bool with_depth) const {
   Candidate candidate;
@@ -137,105 +183,149 @@ Candidate Estimator::Evaluate(const TwoViewModel& model,
                                options_.max_epipolar_error_px,
                                std::numeric_limits<double>::infinity());
   candidate.cost = candidate.score.cost;
+  const TwoViewCostOptions cost_options = CostOptions(DepthTerm::WHITENED);
+  double depth_cost = num_depth_matches_ * cost_options.max_depth_residual *
+                      cost_options.max_depth_residual;
   if (with_depth) {
-    const TwoViewCostOptions cost_options = CostOptions(DepthTerm::WHITENED);
     const TwoViewCost cost = EvaluateCost(data_, model, cost_options);
     candidate.num_depth_inliers = cost.num_depth_inliers;
-    if (!options_.paper) {
-      candidate.cost +=
-          cost.depth * cost_options.stddev_px * cost_options.stddev_px;
-    }
+    depth_cost = cost.depth;
+  }
+  if (!options_.paper) {
+    const double weight = cost_options.stddev_px / DepthCap();
+    candidate.cost += weight * weight * depth_cost;
   }
   return candidate;
 }
 
 Candidate Estimator::Optimize(const TwoViewModel& start,
+                              const Round* rounds,
+                              size_t num_rounds,
                               bool with_depth) const {
-  struct Round {
-    double widening;
-    int max_num_iterations;
-  };
-  // Minimal models are off by more than the inlier threshold; a wide basin
-  // first brings them in.
-  constexpr Round kAnnealed[] = {{4, 5}, {2, 5}, {1, 15}};
-  constexpr Round kPaper[] = {{1, 25}};
-  const Round* rounds = options_.paper ? kPaper : kAnnealed;
-  const size_t num_rounds =
-      options_.paper ? std::size(kPaper) : std::size(kAnnealed);
+  // Wrong depths are many times their noise off, they need no wider basin.
+  constexpr double kMaxDepthWidening = 4;
   TwoViewModel model = start;
   for (size_t k = 0; k < num_rounds; ++k) {
+    const Round& round = rounds[k];
     TwoViewCostOptions cost_options = CostOptions(SearchTerm(with_depth));
-    cost_options.max_epipolar_error_px *= rounds[k].widening;
-    cost_options.max_depth_residual *= rounds[k].widening;
+    cost_options.max_epipolar_error_px *= round.widening;
+    cost_options.max_depth_residual *=
+        std::min(round.widening, kMaxDepthWidening);
+    cost_options.max_num_matches = round.max_num_matches;
+    if (round.capped) cost_options.log_depth_stddev *= DepthCap();
     RefineModel(data_,
                 range_.focal_case,
                 cost_options,
-                rounds[k].max_num_iterations,
+                round.max_num_iterations,
                 &model);
   }
   return Evaluate(model, with_depth);
 }
 
-int Estimator::NumTrials(const TwoViewScore& score,
+int Estimator::NumTrials(double inlier_ratio,
                          int sample_size,
-                         int max_num) const {
+                         double share) const {
   // Samples of inliers alone are not all good under noise.
   constexpr double kMargin = 3;
-  const double good = std::pow(
-      static_cast<double>(score.num_inliers) / data_.Size(), sample_size);
+  const double good = share * std::pow(inlier_ratio, sample_size);
   if (good >= 1) return options_.min_num_trials;
   const double num =
       kMargin * std::log1p(-options_.confidence) / std::log1p(-good);
-  // A comparison with NaN or infinity is false: keep the maximum.
-  if (!(num < max_num)) return max_num;
+  // Also if it is infinite or not a number.
+  if (!(num < options_.max_num_trials)) return options_.max_num_trials;
   return std::max(options_.min_num_trials, static_cast<int>(std::ceil(num)));
 }
 
-Candidate Estimator::Search(HypothesisSource* source, bool with_depth) {
-  const double max_error = options_.max_epipolar_error_px;
-  const int max_num_trials = options_.max_num_trials;
+// Works a hypothesis out; the better of it and the best so far stays.
+void Estimator::Consider(const Hypothesis& hypothesis, Candidate* best) const {
+  const auto keep = [best](const Candidate& candidate) {
+    if (candidate.cost < best->cost) *best = candidate;
+  };
+  for (TwoViewModel model : ExpandHypothesis(
+           hypothesis, data_, range_, options_.max_epipolar_error_px)) {
+    if (!hypothesis.is_fundamental) {
+      keep(Evaluate(model, true));
+      keep(options_.paper
+               ? Optimize(model, kPaperRounds, std::size(kPaperRounds), true)
+               : Optimize(model, kDepthRounds, std::size(kDepthRounds), true));
+      continue;
+    }
+    const Candidate without_depth =
+        Optimize(model, kEpipolarRounds, std::size(kEpipolarRounds), false);
+    keep(without_depth);
+    model = without_depth.model;
+    if (num_depth_matches_ > 0 && AttachScale(&model)) {
+      keep(Optimize(model, kAttachedRounds, std::size(kAttachedRounds), true));
+    }
+  }
+}
+
+Candidate Estimator::Search() {
+  struct Stream {
+    std::unique_ptr<HypothesisSource> source;
+    double best_minimal_cost = std::numeric_limits<double>::infinity();
+  };
+  Stream depth, epipolar;
+  if (num_depth_matches_ >= options_.min_num_depth_matches) {
+    depth.source = CreateDepthHypothesisSource(data_, range_);
+  }
+  // Smooth errors of a depth map mislead all its samples alike, so samples
+  // without depth take part; most of them where depth turns out to be useless.
+  if (!options_.paper || !depth.source) {
+    epipolar.source = CreateEpipolarHypothesisSource(data_, range_);
+  }
+  double depth_share = !depth.source ? 0 : !epipolar.source ? 1 : 0.75;
+
   Candidate best;
-  double best_minimal_cost = std::numeric_limits<double>::infinity();
-  int num_trials = max_num_trials;
-  int trial = 0;
   std::vector<Hypothesis> hypotheses;
-  for (; trial < num_trials; ++trial) {
-    source->Sample(&random_, &hypotheses);
+  int num_trials = options_.max_num_trials;
+  int trial = 0;
+  for (; trial < num_trials && (depth.source || epipolar.source); ++trial) {
+    const bool use_depth = random_.Below(1024) < depth_share * 1024;
+    Stream& stream = use_depth ? depth : epipolar;
+    stream.source->Sample(&random_, &hypotheses);
     for (const Hypothesis& hypothesis : hypotheses) {
       const TwoViewScore score =
           hypothesis.is_fundamental
-              ? ScoreFundamentalMatrix(
-                    data_, hypothesis.fundamental, max_error, best_minimal_cost)
-              : ScoreModel(
-                    data_, hypothesis.model, max_error, best_minimal_cost);
-      if (!(score.cost < best_minimal_cost)) continue;
-      best_minimal_cost = score.cost;
-      for (const TwoViewModel& model :
-           ExpandHypothesis(hypothesis, data_, range_, max_error)) {
-        for (const Candidate& candidate :
-             {Optimize(model, with_depth), Evaluate(model, with_depth)}) {
-          if (candidate.cost < best.cost) best = candidate;
-        }
-      }
-      num_trials = NumTrials(best.score, source->SampleSize(), max_num_trials);
+              ? ScoreFundamentalMatrix(data_,
+                                       hypothesis.fundamental,
+                                       options_.max_epipolar_error_px,
+                                       stream.best_minimal_cost)
+              : ScoreModel(data_,
+                           hypothesis.model,
+                           options_.max_epipolar_error_px,
+                           stream.best_minimal_cost);
+      if (!(score.cost < stream.best_minimal_cost)) continue;
+      stream.best_minimal_cost = score.cost;
+      Consider(hypothesis, &best);
+    }
+    const double inlier_ratio =
+        static_cast<double>(best.score.num_inliers) / data_.Size();
+    // Inliers whose depths are right, too.
+    const double depth_inlier_ratio =
+        num_depth_matches_ == 0
+            ? 0
+            : std::min(inlier_ratio,
+                       static_cast<double>(best.num_depth_inliers) /
+                           num_depth_matches_);
+    if (trial == options_.min_num_trials && epipolar.source && depth.source &&
+        depth_inlier_ratio < 0.5 * inlier_ratio) {
+      depth_share = 0.25;
+    }
+    num_trials = options_.max_num_trials;
+    if (depth.source) {
+      num_trials =
+          std::min(num_trials, NumTrials(depth_inlier_ratio, 3, depth_share));
+    }
+    if (epipolar.source) {
+      num_trials = std::min(
+          num_trials,
+          NumTrials(
+              inlier_ratio, epipolar.source->SampleSize(), 1 - depth_share));
     }
   }
   best.num_trials = trial;
   return best;
-}
-
-// Whether there is no need to look for something better without depth.
-bool Estimator::DepthConvinces(const Candidate& candidate) const {
-  constexpr double kMinDepthInlierRatio = 0.5;
-  constexpr double kMinInlierRatio = 0.3;
-  int num_with_depth = 0;
-  for (const int i : Inliers(candidate.model)) {
-    num_with_depth += data_.HasDepths(i);
-  }
-  return candidate.score.num_inliers >= kMinNumScalePoints &&
-         candidate.score.num_inliers > kMinInlierRatio * data_.Size() &&
-         num_with_depth > 0.3 * candidate.score.num_inliers &&
-         candidate.num_depth_inliers > kMinDepthInlierRatio * num_with_depth;
 }
 
 std::vector<int> Estimator::Inliers(const TwoViewModel& model) const {
@@ -255,10 +345,17 @@ std::vector<int> Estimator::Inliers(const TwoViewModel& model) const {
 TwoViewCostOptions Estimator::EstimateNoise(const TwoViewModel& model,
                                             bool with_depth,
                                             double* depth_noise) const {
-  constexpr double kMinLogDepthStddev = 0.01;
+  // Slowly varying errors do not show in the scatter of the ratios.
+  constexpr double kMinLogDepthStddev = 0.03;
+  constexpr double kMinStddevPerThreshold = 0.1;
+  // Outliers by chance within the threshold are far out of an exact model.
+  constexpr double kMaxEpipolarErrorPerStddev = 4;
+  constexpr double kMinMaxEpipolarErrorRatio = 1e-3;
   TwoViewCostOptions cost_options = CostOptions(SearchTerm(with_depth));
   cost_options.cauchy = true;
+  cost_options.min_relative_decrease = kMinFinalDecrease;
   if (options_.paper) return cost_options;
+  const double max_error = options_.max_epipolar_error_px;
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   std::vector<double> errors_px;
   std::vector<double> log_depth_ratios;
@@ -276,10 +373,14 @@ TwoViewCostOptions Estimator::EstimateNoise(const TwoViewModel& model,
     }
   }
   if (!errors_px.empty()) {
-    cost_options.stddev_px =
-        std::clamp(RobustStddev(errors_px, 0),
-                   0.1 * options_.max_epipolar_error_px,
-                   kStddevPerThreshold * options_.max_epipolar_error_px);
+    const double stddev = RobustStddev(errors_px, 0);
+    cost_options.stddev_px = std::clamp(stddev,
+                                        kMinStddevPerThreshold * max_error,
+                                        kStddevPerThreshold * max_error);
+    cost_options.max_epipolar_error_px =
+        std::clamp(kMaxEpipolarErrorPerStddev * stddev,
+                   kMinMaxEpipolarErrorRatio * max_error,
+                   max_error);
   }
   if (log_depth_ratios.size() >= kMinNumInliers) {
     *depth_noise = RobustStddev(log_depth_ratios, Median(log_depth_ratios)) /
@@ -292,38 +393,76 @@ TwoViewCostOptions Estimator::EstimateNoise(const TwoViewModel& model,
   return cost_options;
 }
 
+// The matches without the depths of outliers and those that are wrong under the
+// noise of the good ones: the capped noise of the refinement would let them
+// pass.
+TwoViewData Estimator::WithoutWrongDepths(const TwoViewModel& model,
+                                          double max_error_px,
+                                          double depth_noise) const {
+  constexpr double kMaxDeviation = 4;
+  constexpr double kMinLogDepthStddev = 1e-3;
+  const double max_log_ratio = kMaxDeviation * std::sqrt(2.0) *
+                               std::max(depth_noise, kMinLogDepthStddev);
+  const Eigen::Matrix3d F = model.FundamentalMatrix();
+  TwoViewData data = data_;
+  for (int i = 0; i < data.Size(); ++i) {
+    Transfer transfer;
+    if (!data.HasDepths(i)) continue;
+    if (std::abs(SampsonError(F, data.points1[i], data.points2[i])) >
+            max_error_px ||
+        !TransferForward(model,
+                         data.points1[i],
+                         data.depths1[i],
+                         data.points2[i],
+                         data.depths2[i],
+                         &transfer) ||
+        std::abs(transfer.log_depth_ratio) > max_log_ratio) {
+      data.depths1[i] = data.depths2[i] = 0;
+    }
+  }
+  return data;
+}
+
 void Estimator::Finish(Candidate* candidate, TwoViewDepthResult* result) const {
-  constexpr int kNumRounds = 2;
+  constexpr int kNumRounds = 3;
   constexpr int kMaxNumIterations = 50;
   TwoViewModel model = candidate->model;
   TwoViewCostOptions cost_options;
-  double stddev1 = std::numeric_limits<double>::infinity();
-  double stddev2 = stddev1;
+  TwoViewData data = data_;
   for (int round = 0; round < kNumRounds; ++round) {
     cost_options =
         EstimateNoise(model, candidate->with_depth, &result->depth_noise);
+    if (candidate->with_depth && result->depth_noise > 0) {
+      data = WithoutWrongDepths(
+          model, cost_options.max_epipolar_error_px, result->depth_noise);
+    }
     RefineModel(
-        data_, range_.focal_case, cost_options, kMaxNumIterations, &model);
-    const TwoViewMatrix covariance =
-        EstimateCovariance(data_, range_.focal_case, cost_options, model);
-    stddev1 = std::sqrt(covariance(kLogFocal1Param, kLogFocal1Param));
-    stddev2 = std::sqrt(covariance(kLogFocal2Param, kLogFocal2Param));
+        data, range_.focal_case, cost_options, kMaxNumIterations, &model);
   }
+  const TwoViewMatrix covariance =
+      EstimateCovariance(data, range_.focal_case, cost_options, model);
+  const double stddev1 =
+      std::sqrt(covariance(kLogFocal1Param, kLogFocal1Param));
+  const double stddev2 =
+      std::sqrt(covariance(kLogFocal2Param, kLogFocal2Param));
   if (range_.focal_case != FocalCase::KNOWN &&
       std::max(stddev1, stddev2) < kMaxPriorFreeLogFocalStddev) {
     cost_options.log_focal_prior_stddev = 0;
     RefineModel(
-        data_, range_.focal_case, cost_options, kMaxNumIterations, &model);
+        data, range_.focal_case, cost_options, kMaxNumIterations, &model);
   }
   // Refinement with a soft loss may trade inliers; a real loss means that it
   // has left the model that was found.
   constexpr double kMinKeptInliers = 0.9;
-  const Candidate refined = Evaluate(model, candidate->with_depth);
+  Candidate refined = Evaluate(model, candidate->with_depth);
+  refined.num_trials = candidate->num_trials;
   if (refined.score.num_inliers >=
       kMinKeptInliers * candidate->score.num_inliers) {
-    const int num_trials = candidate->num_trials;
     *candidate = refined;
-    candidate->num_trials = num_trials;
+  }
+  if (range_.focal_case == FocalCase::KNOWN && candidate->with_depth &&
+      !options_.paper) {
+    RefineWithoutDepth(candidate);
   }
   result->estimated_focal1 = range_.focal_case != FocalCase::KNOWN &&
                              range_.focal_case != FocalCase::ONE_SIDED1 &&
@@ -331,6 +470,33 @@ void Estimator::Finish(Candidate* candidate, TwoViewDepthResult* result) const {
   result->estimated_focal2 = range_.focal_case != FocalCase::KNOWN &&
                              range_.focal_case != FocalCase::ONE_SIDED2 &&
                              stddev2 < kMaxLogFocalStddev;
+}
+
+// With known focal lengths and parallax the image points alone give the better
+// pose: errors of depth maps are smooth and do not average out.
+void Estimator::RefineWithoutDepth(Candidate* candidate) const {
+  constexpr int kMaxNumIterations = 50;
+  constexpr int kMinNumPoints = 30;
+  constexpr double kMinAngleRad = 3 * M_PI / 180;
+  std::vector<double> angles;
+  for (const int i : Inliers(candidate->model)) {
+    const auto intersection =
+        IntersectRays(candidate->model, data_.points1[i], data_.points2[i]);
+    angles.push_back(intersection ? intersection->angle_rad : 0);
+  }
+  if (angles.size() < kMinNumPoints || Median(angles) < kMinAngleRad) return;
+  double depth_noise = 0;
+  TwoViewModel model = candidate->model;
+  model.translation.normalize();
+  RefineModel(data_,
+              range_.focal_case,
+              EstimateNoise(model, false, &depth_noise),
+              kMaxNumIterations,
+              &model);
+  if (!model.IsFinite() || !AttachScale(&model)) return;
+  Candidate refined = Evaluate(model, true);
+  refined.num_trials = candidate->num_trials;
+  if (refined.score.cost <= candidate->score.cost) *candidate = refined;
 }
 
 bool Estimator::AttachScale(TwoViewModel* model) const {
@@ -389,35 +555,16 @@ void Estimator::Report(const Candidate& candidate,
 }
 
 TwoViewDepthResult Estimator::Run() {
-  Candidate best;
-  int num_trials = 0;
-  if (num_depth_matches_ >= std::max(3, options_.min_num_depth_matches)) {
-    best = Search(CreateDepthHypothesisSource(data_, range_).get(), true);
-    num_trials += best.num_trials;
-  }
-  const bool found = std::isfinite(best.cost);
-  if (!found || (!options_.paper && !DepthConvinces(best))) {
-    const auto source = CreateEpipolarHypothesisSource(data_, range_);
-    if (source) {
-      const Candidate without_depth = Search(source.get(), false);
-      num_trials += without_depth.num_trials;
-      // A model without depth has less to obey: it fits better even if it is
-      // not better.
-      constexpr double kHandicap = 1.02;
-      if (without_depth.score.cost * kHandicap < best.score.cost) {
-        best = without_depth;
-      }
-    }
-  }
   TwoViewDepthResult result;
   result.inlier_mask.assign(order_.size(), 0);
   result.focal_length1_px = range_.guess1;
   result.focal_length2_px = range_.guess2;
+  Candidate best = Search();
   if (std::isfinite(best.cost)) {
     Finish(&best, &result);
     Report(best, &result);
   }
-  result.num_trials = num_trials;
+  result.num_trials = best.num_trials;
   return result;
 }
 
