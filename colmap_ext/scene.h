@@ -15,14 +15,16 @@
 
 namespace dgsfm {
 
+using CameraMap =
+    std::map<colmap::camera_t,
+             colmap::Camera,
+             std::less<colmap::camera_t>,
+             Eigen::aligned_allocator<
+                 std::pair<const colmap::camera_t, colmap::Camera>>>;
+
 // Everything the mapper needs of a COLMAP database, ordered by id.
 struct Scene {
-  std::map<colmap::camera_t,
-           colmap::Camera,
-           std::less<colmap::camera_t>,
-           Eigen::aligned_allocator<
-               std::pair<const colmap::camera_t, colmap::Camera>>>
-      cameras;
+  CameraMap cameras;
   // With their key points as Points2D; images without key points have none.
   std::map<
       colmap::image_t,

@@ -177,20 +177,26 @@ void BindMapper(DepthGlobalMapperOptions* options, CommandOptions* bind) {
             &refinement.num_bundle_adjustment_rounds,
             "rounds of bundle adjustment, each with a filter");
   bind->Add(group + "ba_max_num_iterations",
-            &refinement.max_num_bundle_adjustment_iterations,
+            &refinement.bundle_adjustment.max_num_iterations,
             "iterations of each bundle adjustment");
   bind->Add(group + "ba_loss_scale",
-            &refinement.loss_scale_px,
+            &refinement.bundle_adjustment.loss_scale_px,
             "residual from which the soft L1 loss grows linearly [px]");
   bind->Add(group + "ba_refine_focal_length",
-            &refinement.refine_focal_length,
+            &refinement.bundle_adjustment.refine_focal_length,
             "refine focal lengths");
   bind->Add(group + "ba_refine_extra_params",
-            &refinement.refine_extra_params,
+            &refinement.bundle_adjustment.refine_extra_params,
             "refine distortion");
   bind->Add(group + "ba_refine_principal_point",
             &refinement.refine_principal_point,
-            "refine principal points");
+            "refine principal points once the model is complete");
+  bind->Add(group + "ba_principal_point_stddev",
+            &refinement.bundle_adjustment.principal_point_stddev_ratio,
+            "prior of the principal point [larger image side]");
+  bind->Add(group + "ba_extra_params_stddev",
+            &refinement.bundle_adjustment.extra_params_stddev,
+            "prior of distortion parameters [1]");
   bind->Add(group + "max_reprojection_error",
             &refinement.max_reprojection_error_px,
             "observations farther off after the last round are removed [px]");
@@ -234,6 +240,8 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   DepthGlobalMapperOptions& mapper = options->mapper;
   mapper.view_graph.keep_connected = false;
   mapper.tracks.min_num_tracks_per_view = 0;
+  mapper.refinement.bundle_adjustment.loss_scale_px = 1.0;
+  mapper.refinement.refine_principal_point = false;
   mapper.skip_reverification = true;
   mapper.skip_retriangulation = true;
 }

@@ -4,6 +4,7 @@
 #include "colmap_ext/pose_access.h"
 #include "estimators/graph.h"
 #include "estimators/median.h"
+#include "estimators/option_check.h"
 
 #include <algorithm>
 #include <cmath>
@@ -71,18 +72,22 @@ bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
       !tracks.IsValid(error) || !refinement.IsValid(error)) {
     return false;
   }
-  const auto check = [error](const char* name, double value, double bound) {
-    if (value >= bound) return true;
-    *error = std::string(name) + " = " + std::to_string(value) +
-             " must be at least " + std::to_string(bound);
-    return false;
-  };
-  return check("num_rotation_averaging_rounds",
-               num_rotation_averaging_rounds,
-               1) &&
-         check("max_rotation_error_deg", max_rotation_error_deg, 1e-3) &&
-         check("max_log_scale_error", max_log_scale_error, 1e-3) &&
-         check("min_model_size", min_model_size, 2);
+  return CheckOption(max_rotation_error_deg > 0,
+                     "max_rotation_error_deg must be > 0",
+                     max_rotation_error_deg,
+                     error) &&
+         CheckOption(max_log_scale_error > 0,
+                     "max_log_scale_error must be > 0",
+                     max_log_scale_error,
+                     error) &&
+         CheckOption(num_rotation_averaging_rounds >= 1,
+                     "num_rotation_averaging_rounds must be >= 1",
+                     num_rotation_averaging_rounds,
+                     error) &&
+         CheckOption(min_model_size >= 2,
+                     "min_model_size must be >= 2",
+                     min_model_size,
+                     error);
 }
 
 DepthGlobalMapper::DepthGlobalMapper(
@@ -94,6 +99,7 @@ DepthGlobalMapper::DepthGlobalMapper(
     : options_(options),
       verification_(verification),
       scene_(scene),
+      prior_cameras_(scene.cameras),
       depths_(depths),
       pair_scores_(pair_scores) {
   std::string error;
@@ -384,13 +390,22 @@ bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
   return model->NumPoints3D() > 0;
 }
 
+std::optional<double> DepthGlobalMapper::AdjustModelBundle(
+    const BundleAdjustmentOptions& options, colmap::Reconstruction* model) {
+  return AdjustBundle(options,
+                      options_.num_threads,
+                      AnchorImage(*model),
+                      prior_cameras_,
+                      model);
+}
+
 bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   if (options_.skip_bundle_adjustment) return true;
   const int num_rounds = options_.refinement.num_bundle_adjustment_rounds;
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
     const std::optional<double> rms =
-        AdjustBundle(options_.refinement, AnchorImage(*model), model);
+        AdjustModelBundle(options_.refinement.bundle_adjustment, model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options_.refinement, num_rounds - round, model);
@@ -410,8 +425,10 @@ void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     const size_t num_gained = Retriangulate(options_.refinement, graph, model);
-    const std::optional<double> rms =
-        AdjustBundle(options_.refinement, AnchorImage(*model), model);
+    BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
+    adjustment.refine_principal_point =
+        options_.refinement.refine_principal_point;
+    const std::optional<double> rms = AdjustModelBundle(adjustment, model);
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
     timer.Add("observations_gained", double(num_gained))

@@ -109,6 +109,8 @@ class DepthGlobalMapper {
       const ImageIndex& index,
       const std::vector<Eigen::Quaterniond>& cam_from_world_rotations);
   bool PositionModel(colmap::Reconstruction* model);
+  std::optional<double> AdjustModelBundle(
+      const BundleAdjustmentOptions& options, colmap::Reconstruction* model);
   bool AdjustModel(colmap::Reconstruction* model);
   void RetriangulateModel(const PairGeometries& pairs,
                           colmap::Reconstruction* model);
@@ -117,7 +119,10 @@ class DepthGlobalMapper {
 
   DepthGlobalMapperOptions options_;
   PairVerificationOptions verification_;
+  // With averaged focal lengths.
   Scene scene_;
+  // As given.
+  const CameraMap& prior_cameras_;
   const KeypointDepthMap& depths_;
   const PairScores& pair_scores_;
   DepthGlobalMapperResult result_;

@@ -4,9 +4,9 @@
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/median.h"
+#include "estimators/option_check.h"
 
 #include <colmap/base/similarity_transform.h>
-#include <colmap/optim/bundle_adjustment.h>
 #include <colmap/sfm/incremental_triangulator.h>
 
 #include <algorithm>
@@ -17,8 +17,6 @@ namespace dgsfm {
 
 namespace {
 
-// Observations below which the images of a camera cannot carry its intrinsics.
-constexpr size_t kMinNumObservationsPerCamera = 50;
 // Points below which the depth scale of an image is not measured.
 constexpr size_t kMinNumDepthsPerImage = 10;
 // Focal lengths and distortions beyond these are not real cameras (COLMAP's
@@ -51,69 +49,36 @@ Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
       .normalized();
 }
 
-colmap::image_t FarthestImage(colmap::image_t image_id,
-                              const colmap::Reconstruction& model) {
-  const Eigen::Vector3d center =
-      CamFromWorld(model.Image(image_id)).TargetOriginInSource();
-  colmap::image_t farthest = image_id;
-  double max_distance = 0;
-  for (const colmap::image_t other_id : SortedRegisteredImages(model)) {
-    const double distance =
-        (CamFromWorld(model.Image(other_id)).TargetOriginInSource() - center)
-            .norm();
-    if (distance > max_distance) {
-      max_distance = distance;
-      farthest = other_id;
-    }
-  }
-  return farthest;
-}
-
-colmap::BundleAdjustmentConfig CreateConfig(
-    colmap::image_t fixed_image, const colmap::Reconstruction& model) {
-  colmap::BundleAdjustmentConfig config;
-  std::map<colmap::camera_t, size_t> num_observations;
-  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
-    config.AddImage(image_id);
-    const colmap::Image& image = model.Image(image_id);
-    num_observations[image.CameraId()] += image.NumPoints3D();
-  }
-  config.SetConstantPose(fixed_image);
-  const colmap::image_t scale_image = FarthestImage(fixed_image, model);
-  if (scale_image != fixed_image) {
-    int coordinate = 0;
-    model.Image(scale_image).Tvec().cwiseAbs().maxCoeff(&coordinate);
-    config.SetConstantTvec(scale_image, {coordinate});
-  }
-  for (const auto& [camera_id, count] : num_observations) {
-    if (count < kMinNumObservationsPerCamera) {
-      config.SetConstantCamera(camera_id);
-    }
-  }
-  return config;
-}
-
 }  // namespace
 
 bool ModelRefinementOptions::IsValid(std::string* error) const {
-  if (!global_positioning.IsValid(error)) return false;
-  const auto check = [error](const char* name, double value, double bound) {
-    if (value >= bound) return true;
-    *error = std::string(name) + " = " + std::to_string(value) +
-             " must be at least " + std::to_string(bound);
+  if (!global_positioning.IsValid(error) || !bundle_adjustment.IsValid(error)) {
     return false;
-  };
-  return check("max_angular_error_deg", max_angular_error_deg, 1e-6) &&
-         check(
-             "num_bundle_adjustment_rounds", num_bundle_adjustment_rounds, 0) &&
-         check("max_num_bundle_adjustment_iterations",
-               max_num_bundle_adjustment_iterations,
-               1) &&
-         check("max_reprojection_error_px", max_reprojection_error_px, 1e-6) &&
-         check("min_triangulation_angle_deg", min_triangulation_angle_deg, 0) &&
-         check("loss_scale_px", loss_scale_px, 1e-6) &&
-         check("max_completion_error_px", max_completion_error_px, 1e-6) &&
-         check("min_num_points_per_image", min_num_points_per_image, 3);
+  }
+  return CheckOption(max_angular_error_deg > 0,
+                     "max_angular_error_deg must be > 0",
+                     max_angular_error_deg,
+                     error) &&
+         CheckOption(max_reprojection_error_px > 0,
+                     "max_reprojection_error_px must be > 0",
+                     max_reprojection_error_px,
+                     error) &&
+         CheckOption(max_completion_error_px > 0,
+                     "max_completion_error_px must be > 0",
+                     max_completion_error_px,
+                     error) &&
+         CheckOption(num_bundle_adjustment_rounds >= 0,
+                     "num_bundle_adjustment_rounds must be >= 0",
+                     num_bundle_adjustment_rounds,
+                     error) &&
+         CheckOption(min_triangulation_angle_deg >= 0,
+                     "min_triangulation_angle_deg must be >= 0",
+                     min_triangulation_angle_deg,
+                     error) &&
+         CheckOption(min_num_points_per_image >= 3,
+                     "min_num_points_per_image must be >= 3",
+                     min_num_points_per_image,
+                     error);
 }
 
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
@@ -180,37 +145,6 @@ size_t FilterObservationsByAngle(double max_angle_deg,
     }
   }
   return num_filtered;
-}
-
-std::optional<double> AdjustBundle(const ModelRefinementOptions& options,
-                                   colmap::image_t fixed_image,
-                                   colmap::Reconstruction* model) {
-  if (model->NumPoints3D() == 0) return std::nullopt;
-  colmap::BundleAdjustmentOptions adjustment;
-  adjustment.loss_function_type =
-      colmap::BundleAdjustmentOptions::LossFunctionType::SOFT_L1;
-  adjustment.loss_function_scale = options.loss_scale_px;
-  adjustment.refine_focal_length = options.refine_focal_length;
-  adjustment.refine_extra_params = options.refine_extra_params;
-  adjustment.refine_principal_point = options.refine_principal_point;
-  adjustment.print_summary = false;
-  ceres::Solver::Options& solver = adjustment.solver_options;
-  solver.max_num_iterations = options.max_num_bundle_adjustment_iterations;
-  solver.function_tolerance = 1e-6;
-  solver.gradient_tolerance = 1e-10;
-  solver.parameter_tolerance = 1e-8;
-  solver.num_threads = EffectiveNumThreads(options.num_threads);
-  solver.logging_type = ceres::LoggingType::SILENT;
-
-  colmap::BundleAdjuster adjuster(adjustment,
-                                  CreateConfig(fixed_image, *model));
-  if (!adjuster.Solve(model)) return std::nullopt;
-  const ceres::Solver::Summary& summary = adjuster.Summary();
-  if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) {
-    return std::nullopt;
-  }
-  return std::sqrt(2 * summary.final_cost /
-                   std::max(1, summary.num_residuals / 2));
 }
 
 size_t FilterObservations(const ModelRefinementOptions& options,

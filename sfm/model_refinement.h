@@ -4,6 +4,7 @@
 #pragma once
 
 #include "estimators/global_positioning.h"
+#include "sfm/bundle_adjustment.h"
 #include "sfm/view_graph.h"
 
 #include <colmap/util/alignment.h>
@@ -25,17 +26,15 @@ struct ModelRefinementOptions {
 
   // Rounds of bundle adjustment, with a filter after each.
   int num_bundle_adjustment_rounds = 3;
-  int max_num_bundle_adjustment_iterations = 100;
+  BundleAdjustmentOptions bundle_adjustment;
   // Reprojection error of the filter after the last round [px]; the rounds
   // before use 2, 3, ... times it.
   double max_reprojection_error_px = 4.0;
   // Points whose rays all enclose less than this are removed [deg].
   double min_triangulation_angle_deg = 1.5;
-  // Residual from which the soft L1 loss grows linearly [px].
-  double loss_scale_px = 1.0;
-  bool refine_focal_length = true;
-  bool refine_extra_params = true;
-  bool refine_principal_point = false;
+  // Whether the adjustment after retriangulation, when the model is complete,
+  // frees the principal points within their prior.
+  bool refine_principal_point = true;
 
   // Reprojection error to complete and merge tracks [px].
   double max_completion_error_px = 4.0;
@@ -57,15 +56,6 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
 // camera, and points left with one; returns the number of observations.
 size_t FilterObservationsByAngle(double max_angle_deg,
                                  colmap::Reconstruction* model);
-
-// Bundle adjustment of everything. Gauge: the pose of fixed_image, and the
-// largest coordinate of the translation of the image farthest from it. Cameras
-// whose images have hardly any observations keep their intrinsics. Returns the
-// final RMS reprojection error [px], or nothing if there is nothing to adjust
-// or the solver failed.
-std::optional<double> AdjustBundle(const ModelRefinementOptions& options,
-                                   colmap::image_t fixed_image,
-                                   colmap::Reconstruction* model);
 
 // Removes observations with large reprojection error or behind the camera and
 // points with a small triangulation angle; returns the number of observations.

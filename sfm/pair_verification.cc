@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
+#include "estimators/option_check.h"
 
 #include <algorithm>
 #include <cmath>
@@ -122,22 +123,18 @@ bool PairVerificationOptions::IsValid(std::string* error) const {
   if (!two_view.IsValid(error) || !depth_consistency.IsValid(error)) {
     return false;
   }
-  if (min_num_inliers < 5) {
-    *error = "min_num_inliers = " + std::to_string(min_num_inliers) +
-             " must be at least 5";
-    return false;
-  }
-  if (!(min_inlier_ratio >= 0 && min_inlier_ratio <= 1)) {
-    *error = "min_inlier_ratio = " + std::to_string(min_inlier_ratio) +
-             " must be in [0, 1]";
-    return false;
-  }
-  if (!(max_scale_ratio > 1)) {
-    *error = "max_scale_ratio = " + std::to_string(max_scale_ratio) +
-             " must be above 1";
-    return false;
-  }
-  return true;
+  return CheckOption(min_num_inliers >= 5,
+                     "min_num_inliers must be >= 5",
+                     min_num_inliers,
+                     error) &&
+         CheckOption(min_inlier_ratio >= 0 && min_inlier_ratio <= 1,
+                     "min_inlier_ratio must be in [0, 1]",
+                     min_inlier_ratio,
+                     error) &&
+         CheckOption(max_scale_ratio > 1,
+                     "max_scale_ratio must be > 1",
+                     max_scale_ratio,
+                     error);
 }
 
 PairGeometry VerifyPair(const Scene& scene,

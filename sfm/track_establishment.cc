@@ -1,5 +1,7 @@
 #include "sfm/track_establishment.h"
 
+#include "estimators/option_check.h"
+
 #include <algorithm>
 #include <numeric>
 #include <unordered_map>
@@ -104,19 +106,14 @@ std::vector<FeatureSet> JoinMatches(const ImageIndex& index,
 }  // namespace
 
 bool TrackOptions::IsValid(std::string* error) const {
-  if (min_num_views_per_track < 2) {
-    *error =
-        "min_num_views_per_track = " + std::to_string(min_num_views_per_track) +
-        " must be at least 2";
-    return false;
-  }
-  if (min_num_tracks_per_view < 0) {
-    *error =
-        "min_num_tracks_per_view = " + std::to_string(min_num_tracks_per_view) +
-        " must not be negative";
-    return false;
-  }
-  return true;
+  return CheckOption(min_num_views_per_track >= 2,
+                     "min_num_views_per_track must be >= 2",
+                     min_num_views_per_track,
+                     error) &&
+         CheckOption(min_num_tracks_per_view >= 0,
+                     "min_num_tracks_per_view must be >= 0",
+                     min_num_tracks_per_view,
+                     error);
 }
 
 std::vector<colmap::Track> EstablishTracks(const ImageIndex& index,

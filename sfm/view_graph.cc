@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/graph.h"
+#include "estimators/option_check.h"
 
 #include <algorithm>
 #include <numeric>
@@ -49,14 +50,14 @@ void KeepConnected(int num_nodes,
 }  // namespace
 
 bool ViewGraphFilterOptions::IsValid(std::string* error) const {
-  const auto check = [error](const char* name, double value) {
-    if (value >= 0 && value <= 1) return true;
-    *error =
-        std::string(name) + " = " + std::to_string(value) + " not in [0, 1]";
-    return false;
-  };
-  return check("min_pair_score", min_pair_score) &&
-         check("min_triplet_support", min_triplet_support);
+  return CheckOption(min_pair_score >= 0 && min_pair_score <= 1,
+                     "min_pair_score must be in [0, 1]",
+                     min_pair_score,
+                     error) &&
+         CheckOption(min_triplet_support >= 0 && min_triplet_support <= 1,
+                     "min_triplet_support must be in [0, 1]",
+                     min_triplet_support,
+                     error);
 }
 
 std::map<PairStatus, size_t> CountByStatus(const PairGeometries& pairs) {

@@ -79,7 +79,9 @@ TEST(ViewGraph, InvalidOptionsNameFieldAndValue) {
   options.min_pair_score = 1.5;
   std::string error;
   EXPECT_FALSE(options.IsValid(&error));
-  EXPECT_NE(error.find("min_pair_score = 1.5"), std::string::npos) << error;
+  EXPECT_NE(error.find("min_pair_score must be in [0, 1], but is 1.5"),
+            std::string::npos)
+      << error;
 }
 
 TEST(PairGeometry, InverseOfInverseIsTheSame) {
