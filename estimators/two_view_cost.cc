@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <vector>
 
 #include <Eigen/Cholesky>
 
@@ -46,6 +48,7 @@ struct NormalEquations {
 // Turns a transfer into the whitened residual (L^-1 r for L L^T = covariance).
 class Whitening {
  public:
+  Whitening() = default;
   // `epipolar_direction` of the line in image 2, not normalised.
   Whitening(const Transfer& transfer,
             double focal,
@@ -105,15 +108,32 @@ class CostFunction {
         reprojection_weight_(options.max_epipolar_error_px * inverse_stddev_ /
                              options.max_reprojection_error_px) {}
 
-  // Cost at `model`; adds to `normal` if there is one. `at` is the model of
-  // the whitening: that of the last linearisation.
+  // Sets the model of the whitening.
+  void WhitenAt(const TwoViewModel& model) {
+    if (options_.depth_term != DepthTerm::WHITENED) return;
+    whitenings_.assign(size_, std::nullopt);
+    const Eigen::Matrix3d F = model.FundamentalMatrix();
+    for (int i = 0; i < size_; ++i) {
+      Transfer transfer;
+      if (!data_.HasDepths(i) || !Forward(model, i, &transfer, nullptr)) {
+        continue;
+      }
+      const Eigen::Vector3d line = F * data_.points1[i].homogeneous();
+      whitenings_[i].emplace(transfer,
+                             model.focal2,
+                             Eigen::Vector2d(line.y(), -line.x()),
+                             options_.stddev_px,
+                             options_.log_depth_stddev);
+    }
+  }
+
+  // Cost at `model`; adds to `normal` if there is one.
   TwoViewCost Evaluate(const TwoViewModel& model,
-                       const TwoViewModel& at,
                        NormalEquations* normal) const {
     TwoViewCost cost;
     AddEpipolar(model, &cost, normal);
     if (options_.depth_term != DepthTerm::NONE) {
-      AddDepth(model, at, &cost, normal);
+      AddDepth(model, &cost, normal);
     }
     AddPrior(model, &cost, normal);
     return cost;
@@ -152,25 +172,24 @@ class CostFunction {
       const Eigen::Map<const Eigen::Matrix<double, 9, 1>> j(J.data());
       const Eigen::Matrix<double, 9, 1> weighted =
           weight * Square(inverse_stddev_) * j;
-      matrix.noalias() += weighted * j.transpose();
+      matrix += weighted.lazyProduct(j.transpose());
       gradient += (weight * inverse_stddev_ * error) * j;
     }
     if (normal) {
       const auto chain = FundamentalMatrixJacobian(model);
-      normal->matrix += chain.transpose() * matrix * chain;
+      normal->matrix +=
+          chain.transpose().lazyProduct(matrix.lazyProduct(chain).eval());
       normal->gradient += chain.transpose() * gradient;
     }
   }
 
   void AddDepth(const TwoViewModel& model,
-                const TwoViewModel& at,
                 TwoViewCost* cost,
                 NormalEquations* normal) const {
-    const Eigen::Matrix3d F = at.FundamentalMatrix();
     for (int i = 0; i < size_; ++i) {
       if (!data_.HasDepths(i)) continue;
       if (options_.depth_term == DepthTerm::WHITENED) {
-        AddWhitened(i, model, at, F, cost, normal);
+        AddWhitened(i, model, cost, normal);
       } else {
         AddReprojection(i, TransferForward, model, cost, normal);
         AddReprojection(i, TransferBackward, model, cost, normal);
@@ -180,31 +199,22 @@ class CostFunction {
 
   void AddWhitened(int i,
                    const TwoViewModel& model,
-                   const TwoViewModel& at,
-                   const Eigen::Matrix3d& F,
                    TwoViewCost* cost,
                    NormalEquations* normal) const {
-    Transfer transfer, transfer_at;
+    Transfer transfer;
     TransferJacobian jacobian;
     double weight;
-    if (!Forward(model, i, &transfer, nullptr) ||
-        !Forward(at, i, &transfer_at, nullptr)) {
+    if (!whitenings_[i] || !Forward(model, i, &transfer, nullptr)) {
       cost->depth += Loss(2 * max_sq_depth_, max_sq_depth_, &weight);
       return;
     }
-    const Eigen::Vector3d line = F * data_.points1[i].homogeneous();
-    const Whitening whiten(transfer_at,
-                           at.focal2,
-                           Eigen::Vector2d(line.y(), -line.x()),
-                           options_.stddev_px,
-                           options_.log_depth_stddev);
-    const Eigen::Vector2d residual = whiten(transfer);
+    const Eigen::Vector2d residual = (*whitenings_[i])(transfer);
     cost->depth += Loss(residual.squaredNorm(), max_sq_depth_, &weight);
     if (weight == 0) return;
     ++cost->num_depth_inliers;
     if (!normal) return;
     Forward(model, i, &transfer, &jacobian);
-    Add(residual, whiten(jacobian), weight, normal);
+    Add(residual, (*whitenings_[i])(jacobian), weight, normal);
   }
 
   template <typename TransferFunction>
@@ -252,8 +262,8 @@ class CostFunction {
                   double weight,
                   NormalEquations* normal) {
     const Eigen::Matrix<double, 2, kNumTwoViewParams> weighted = weight * J;
-    normal->matrix.noalias() += weighted.transpose() * J;
-    normal->gradient.noalias() += weighted.transpose() * residual;
+    normal->matrix += weighted.transpose().lazyProduct(J);
+    normal->gradient += weighted.transpose().lazyProduct(residual);
   }
 
   void AddPrior(const TwoViewModel& model,
@@ -279,6 +289,7 @@ class CostFunction {
   const double max_sq_epipolar_;
   const double max_sq_depth_;
   const double reprojection_weight_;
+  std::vector<std::optional<Whitening>> whitenings_;
 };
 
 using Basis = Eigen::Matrix<double,
@@ -287,6 +298,15 @@ using Basis = Eigen::Matrix<double,
                             Eigen::ColMajor,
                             kNumTwoViewParams,
                             kNumTwoViewParams>;
+
+using ReducedMatrix = Eigen::Matrix<double,
+                                    Eigen::Dynamic,
+                                    Eigen::Dynamic,
+                                    Eigen::ColMajor,
+                                    kNumTwoViewParams,
+                                    kNumTwoViewParams>;
+using ReducedVector = Eigen::
+    Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kNumTwoViewParams, 1>;
 
 // The unknown parameters: columns span the allowed steps.
 Basis UnknownParameters(FocalCase focal_case,
@@ -373,7 +393,9 @@ TwoViewScore ScoreFundamentalMatrix(const TwoViewData& data,
 TwoViewCost EvaluateCost(const TwoViewData& data,
                          const TwoViewModel& model,
                          const TwoViewCostOptions& options) {
-  return CostFunction(data, options).Evaluate(model, model, nullptr);
+  CostFunction function(data, options);
+  function.WhitenAt(model);
+  return function.Evaluate(model, nullptr);
 }
 
 TwoViewCost RefineModel(const TwoViewData& data,
@@ -381,47 +403,54 @@ TwoViewCost RefineModel(const TwoViewData& data,
                         const TwoViewCostOptions& options,
                         int max_num_iterations,
                         TwoViewModel* model) {
-  constexpr double kMaxDamping = 1e8;
   // Bound of a step in log scale and log focal lengths: beyond it the
   // linearisation says nothing.
   constexpr double kMaxLogStep = 0.7;
-  const CostFunction function(data, options);
-  TwoViewCost cost = function.Evaluate(*model, *model, nullptr);
+  // Steps that lower nothing are the end, not a matter of damping.
+  constexpr int kMaxNumTries = 6;
+  CostFunction function(data, options);
+  TwoViewCost cost;
   double damping = 1e-3;
   for (int iteration = 0; iteration < max_num_iterations; ++iteration) {
     NormalEquations normal;
-    cost = function.Evaluate(*model, *model, &normal);
+    function.WhitenAt(*model);
+    cost = function.Evaluate(*model, &normal);
     const Basis basis =
         UnknownParameters(focal_case, options.depth_term, *model);
-    const auto matrix = (basis.transpose() * normal.matrix * basis).eval();
-    const auto gradient = (basis.transpose() * normal.gradient).eval();
-    bool accepted = false;
-    bool converged = false;
-    while (!accepted && damping < kMaxDamping) {
-      auto damped = matrix;
+    const ReducedMatrix matrix =
+        basis.transpose().lazyProduct(normal.matrix.lazyProduct(basis).eval());
+    const ReducedVector gradient =
+        basis.transpose().lazyProduct(normal.gradient);
+    const double min_decrease = options.min_relative_decrease * cost.Total();
+    bool improved = false;
+    for (int k = 0; k < kMaxNumTries && !improved; ++k) {
+      ReducedMatrix damped = matrix;
       damped.diagonal() *= 1 + damping;
       damped.diagonal().array() += 1e-12;
-      TwoViewStep step = -(basis * damped.ldlt().solve(gradient));
-      if (!step.allFinite()) return cost;
+      const ReducedVector reduced_step = -damped.ldlt().solve(gradient);
+      if (!reduced_step.allFinite()) return cost;
+      // What the linearisation promises is twice the decrease at most.
+      if (-gradient.dot(reduced_step) < min_decrease) return cost;
+      TwoViewStep step = basis.lazyProduct(reduced_step);
       step.tail<3>() =
           step.tail<3>().cwiseMax(-kMaxLogStep).cwiseMin(kMaxLogStep);
       TwoViewModel moved = Retract(*model, step);
       if (options.depth_term == DepthTerm::NONE) {
         moved.translation.normalize();
       }
-      const TwoViewCost moved_cost = function.Evaluate(moved, *model, nullptr);
+      const TwoViewCost moved_cost = function.Evaluate(moved, nullptr);
       if (moved.IsFinite() && moved_cost.Total() < cost.Total()) {
-        converged = cost.Total() - moved_cost.Total() <
-                    options.min_relative_decrease * cost.Total();
+        const double decrease = cost.Total() - moved_cost.Total();
         *model = moved;
         cost = moved_cost;
         damping = std::max(damping * 0.1, 1e-10);
-        accepted = true;
+        improved = true;
+        if (decrease < min_decrease) return cost;
       } else {
         damping *= 10;
       }
     }
-    if (!accepted || converged) break;
+    if (!improved) break;
   }
   return cost;
 }
@@ -433,7 +462,9 @@ TwoViewMatrix EstimateCovariance(const TwoViewData& data,
   TwoViewCostOptions without_prior = options;
   without_prior.log_focal_prior_stddev = 0;
   NormalEquations normal;
-  CostFunction(data, without_prior).Evaluate(model, model, &normal);
+  CostFunction function(data, without_prior);
+  function.WhitenAt(model);
+  function.Evaluate(model, &normal);
   const Basis basis = UnknownParameters(focal_case, options.depth_term, model);
   // A little information about everything keeps the inverse finite.
   const auto information =

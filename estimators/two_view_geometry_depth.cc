@@ -353,7 +353,6 @@ TwoViewCostOptions Estimator::EstimateNoise(const TwoViewModel& model,
   constexpr double kMinMaxEpipolarErrorRatio = 1e-3;
   TwoViewCostOptions cost_options = CostOptions(SearchTerm(with_depth));
   cost_options.cauchy = true;
-  cost_options.min_relative_decrease = kMinFinalDecrease;
   if (options_.paper) return cost_options;
   const double max_error = options_.max_epipolar_error_px;
   const Eigen::Matrix3d F = model.FundamentalMatrix();
@@ -432,9 +431,12 @@ void Estimator::Finish(Candidate* candidate, TwoViewDepthResult* result) const {
   for (int round = 0; round < kNumRounds; ++round) {
     cost_options =
         EstimateNoise(model, candidate->with_depth, &result->depth_noise);
-    if (candidate->with_depth && result->depth_noise > 0) {
+    if (candidate->with_depth && !options_.paper) {
       data = WithoutWrongDepths(
           model, cost_options.max_epipolar_error_px, result->depth_noise);
+    }
+    if (round + 1 == kNumRounds) {
+      cost_options.min_relative_decrease = kMinFinalDecrease;
     }
     RefineModel(
         data, range_.focal_case, cost_options, kMaxNumIterations, &model);
@@ -488,11 +490,11 @@ void Estimator::RefineWithoutDepth(Candidate* candidate) const {
   double depth_noise = 0;
   TwoViewModel model = candidate->model;
   model.translation.normalize();
-  RefineModel(data_,
-              range_.focal_case,
-              EstimateNoise(model, false, &depth_noise),
-              kMaxNumIterations,
-              &model);
+  TwoViewCostOptions cost_options =
+      EstimateNoise(model, /*with_depth=*/false, &depth_noise);
+  cost_options.min_relative_decrease = kMinFinalDecrease;
+  RefineModel(
+      data_, range_.focal_case, cost_options, kMaxNumIterations, &model);
   if (!model.IsFinite() || !AttachScale(&model)) return;
   Candidate refined = Evaluate(model, true);
   refined.num_trials = candidate->num_trials;
