@@ -270,11 +270,12 @@ Candidate Estimator::Search() {
     depth.source = CreateDepthHypothesisSource(data_, range_);
   }
   // Smooth errors of a depth map mislead all its samples alike, so samples
-  // without depth take part; most of them where depth turns out to be useless.
+  // without depth take part: half of them, more where depth turns out to be
+  // useless.
   if (!options_.paper || !depth.source) {
     epipolar.source = CreateEpipolarHypothesisSource(data_, range_);
   }
-  double depth_share = !depth.source ? 0 : !epipolar.source ? 1 : 0.75;
+  double depth_share = !depth.source ? 0 : !epipolar.source ? 1 : 0.5;
 
   Candidate best;
   std::vector<Hypothesis> hypotheses;
