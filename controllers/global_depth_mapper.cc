@@ -118,6 +118,9 @@ void BindVerification(PairVerificationOptions* options,
   bind.Add("PairVerification.filter_depth",
            &options->filter_depth,
            "remove matches that contradict the depth maps");
+  bind.Add("PairVerification.depth_noise_factor",
+           &options->depth_noise_factor,
+           "depth error a match may show, at least [pair's depth noise]");
   bind.Add("PairVerification.min_num_inliers",
            &options->min_num_inliers,
            "matches that a pair must keep");
@@ -203,6 +206,9 @@ void BindMapper(DepthGlobalMapperOptions* options, CommandOptions* bind) {
   bind->Add(group + "min_triangulation_angle",
             &refinement.min_triangulation_angle_deg,
             "points with a smaller triangulation angle are removed [deg]");
+  bind->Add(group + "tri_max_epipolar_error",
+            &refinement.max_epipolar_error_px,
+            "distance from the epipolar line of matches to triangulate [px]");
   bind->Add(group + "max_completion_error",
             &refinement.max_completion_error_px,
             "largest error when tracks are completed and merged [px]");
@@ -237,6 +243,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   two_view.min_num_trials = 1000;
   two_view.max_num_trials = 1000;
   options->verifier.verification.depth_consistency.tolerate_depth_error = false;
+  options->verifier.verification.depth_noise_factor = 0;
   DepthGlobalMapperOptions& mapper = options->mapper;
   mapper.view_graph.keep_connected = false;
   mapper.tracks.min_num_tracks_per_view = 0;

@@ -420,10 +420,15 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
 
 void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
                                            colmap::Reconstruction* model) {
-  colmap::CorrespondenceGraph graph;
-  BuildCorrespondenceGraph(pairs, *model, &graph);
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
+    colmap::CorrespondenceGraph graph;
+    BuildCorrespondenceGraph(scene_,
+                             pairs,
+                             verification_,
+                             options_.refinement.max_epipolar_error_px,
+                             *model,
+                             &graph);
     const size_t num_gained = Retriangulate(options_.refinement, graph, model);
     BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
     adjustment.refine_principal_point =

@@ -5,6 +5,8 @@
 #include "colmap_ext/pose_access.h"
 #include "estimators/median.h"
 #include "estimators/option_check.h"
+#include "estimators/two_view_model.h"
+#include "estimators/two_view_residuals.h"
 
 #include <colmap/base/similarity_transform.h>
 #include <colmap/sfm/incremental_triangulator.h>
@@ -49,6 +51,47 @@ Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
       .normalized();
 }
 
+// Matches whose Sampson error under the poses of the model is small, each
+// feature at most once, as COLMAP's correspondence graph wants them.
+colmap::FeatureMatches MatchesOnEpipolarLines(
+    const colmap::Reconstruction& model,
+    colmap::image_t image_id1,
+    colmap::image_t image_id2,
+    const colmap::FeatureMatches& matches,
+    double max_error_px) {
+  const colmap::Image& image1 = model.Image(image_id1);
+  const colmap::Image& image2 = model.Image(image_id2);
+  const colmap::Camera& camera1 = model.Camera(image1.CameraId());
+  const colmap::Camera& camera2 = model.Camera(image2.CameraId());
+  const Rigid3d cam2_from_cam1 =
+      CamFromWorld(image2) * CamFromWorld(image1).Inverse();
+  TwoViewModel two_view;
+  two_view.rotation = cam2_from_cam1.rotation.toRotationMatrix();
+  two_view.translation = cam2_from_cam1.translation;
+  two_view.focal1 = camera1.MeanFocalLength();
+  two_view.focal2 = camera2.MeanFocalLength();
+  const Eigen::Matrix3d F = two_view.FundamentalMatrix();
+  colmap::FeatureMatches consistent;
+  std::set<colmap::point2D_t> used1;
+  std::set<colmap::point2D_t> used2;
+  for (const colmap::FeatureMatch& match : matches) {
+    const Eigen::Vector2d point1 =
+        two_view.focal1 *
+        camera1.ImageToWorld(image1.Point2D(match.point2D_idx1).XY());
+    const Eigen::Vector2d point2 =
+        two_view.focal2 *
+        camera2.ImageToWorld(image2.Point2D(match.point2D_idx2).XY());
+    if (std::abs(SampsonError(F, point1, point2)) <= max_error_px &&
+        used1.count(match.point2D_idx1) == 0 &&
+        used2.count(match.point2D_idx2) == 0) {
+      used1.insert(match.point2D_idx1);
+      used2.insert(match.point2D_idx2);
+      consistent.push_back(match);
+    }
+  }
+  return consistent;
+}
+
 }  // namespace
 
 bool ModelRefinementOptions::IsValid(std::string* error) const {
@@ -62,6 +105,10 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
          CheckOption(max_reprojection_error_px > 0,
                      "max_reprojection_error_px must be > 0",
                      max_reprojection_error_px,
+                     error) &&
+         CheckOption(max_epipolar_error_px > 0,
+                     "max_epipolar_error_px must be > 0",
+                     max_epipolar_error_px,
                      error) &&
          CheckOption(max_completion_error_px > 0,
                      "max_completion_error_px must be > 0",
@@ -157,31 +204,33 @@ size_t FilterObservations(const ModelRefinementOptions& options,
   return num_filtered;
 }
 
-void BuildCorrespondenceGraph(const PairGeometries& pairs,
+void BuildCorrespondenceGraph(const Scene& scene,
+                              const PairGeometries& pairs,
+                              const PairVerificationOptions& verification,
+                              double max_epipolar_error_px,
                               const colmap::Reconstruction& model,
                               colmap::CorrespondenceGraph* graph) {
   for (const auto& [image_id, image] : model.Images()) {
     graph->AddImage(image_id, image.NumPoints2D());
   }
-  for (const auto& [pair_id, pair] : pairs) {
+  for (const auto& [pair_id, matches] : scene.matches) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (pair.status != PairStatus::VALID || !model.ExistsImage(image_id1) ||
-        !model.ExistsImage(image_id2)) {
+    const auto pair = pairs.find(pair_id);
+    if (!model.ExistsImage(image_id1) || !model.ExistsImage(image_id2) ||
+        !model.IsImageRegistered(image_id1) ||
+        !model.IsImageRegistered(image_id2) ||
+        (pair != pairs.end() &&
+         pair->second.status == PairStatus::LOW_PAIR_SCORE)) {
       continue;
     }
-    // COLMAP's graph takes a feature once per pair and complains otherwise.
-    colmap::FeatureMatches matches;
-    std::set<colmap::point2D_t> used1;
-    std::set<colmap::point2D_t> used2;
-    for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-      if (used1.count(match.point2D_idx1) == 0 &&
-          used2.count(match.point2D_idx2) == 0) {
-        used1.insert(match.point2D_idx1);
-        used2.insert(match.point2D_idx2);
-        matches.push_back(match);
-      }
+    const colmap::FeatureMatches consistent = MatchesOnEpipolarLines(
+        model, image_id1, image_id2, matches, max_epipolar_error_px);
+    if (double(consistent.size()) >=
+        std::max<double>(
+            verification.min_num_inliers,
+            verification.min_inlier_ratio * double(matches.size()))) {
+      graph->AddCorrespondences(image_id1, image_id2, consistent);
     }
-    graph->AddCorrespondences(image_id1, image_id2, matches);
   }
 }
 

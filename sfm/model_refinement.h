@@ -36,6 +36,8 @@ struct ModelRefinementOptions {
   // frees the principal points within their prior.
   bool refine_principal_point = true;
 
+  // Distance from the epipolar line of matches for retriangulation [px].
+  double max_epipolar_error_px = 2.0;
   // Reprojection error to complete and merge tracks [px].
   double max_completion_error_px = 4.0;
   // Images with fewer points than this are not registered.
@@ -63,8 +65,15 @@ size_t FilterObservations(const ModelRefinementOptions& options,
                           double error_factor,
                           colmap::Reconstruction* model);
 
-// Correspondences of the valid pairs among the images of a model.
-void BuildCorrespondenceGraph(const PairGeometries& pairs,
+// Matches of the scene that agree with the poses of a model: those within
+// max_epipolar_error_px of the epipolar lines, of the pairs that keep
+// min_num_inliers and min_inlier_ratio of theirs. Once there are poses, they
+// judge better than what a pair alone, its depth or its triplets said; pairs
+// removed by an imported score stay out.
+void BuildCorrespondenceGraph(const Scene& scene,
+                              const PairGeometries& pairs,
+                              const PairVerificationOptions& verification,
+                              double max_epipolar_error_px,
                               const colmap::Reconstruction& model,
                               colmap::CorrespondenceGraph* graph);
 

@@ -78,12 +78,16 @@ void SelectMatches(const TwoViewDepthResult& result,
                    PairGeometry* pair) {
   std::vector<DepthVerdict> verdicts(matches.size(), DepthVerdict::UNTESTED);
   if (result.has_scale) {
+    DepthConsistencyOptions depth_consistency = options.depth_consistency;
+    depth_consistency.max_depth_error_ratio =
+        std::max(depth_consistency.max_depth_error_ratio,
+                 options.depth_noise_factor * result.depth_noise);
     verdicts = CheckDepthConsistency(depth_matches,
                                      result.cam2_from_cam1,
                                      result.scale_1_from_2,
                                      result.focal_length1_px,
                                      result.focal_length2_px,
-                                     options.depth_consistency);
+                                     depth_consistency);
   }
   for (size_t i = 0; i < matches.size(); ++i) {
     if (!result.inlier_mask[i]) continue;
@@ -130,6 +134,10 @@ bool PairVerificationOptions::IsValid(std::string* error) const {
          CheckOption(min_inlier_ratio >= 0 && min_inlier_ratio <= 1,
                      "min_inlier_ratio must be in [0, 1]",
                      min_inlier_ratio,
+                     error) &&
+         CheckOption(depth_noise_factor >= 0,
+                     "depth_noise_factor must be >= 0",
+                     depth_noise_factor,
                      error) &&
          CheckOption(max_scale_ratio > 1,
                      "max_scale_ratio must be > 1",
