@@ -22,7 +22,8 @@ patches=$root/patches/colmap-3.8
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/dgsfm
 source_archive=$cache/colmap-$version/colmap_${version%-*}.orig.tar.gz
 cxx=${CXX:-c++}
-export CXX=$cxx CC=${CC:-cc} CXXFLAGS=${CXXFLAGS:-} CFLAGS=${CXXFLAGS:-}
+export CXX=$cxx CC=${CC:-cc} CXXFLAGS=${CXXFLAGS:-}
+export CFLAGS=$CXXFLAGS
 
 log() { echo "$@" >&2; }
 
@@ -79,11 +80,14 @@ key=$({
 } | sha256sum | cut -c1-16)
 prefix=$cache/colmap-${version%-*}-$key
 
-mkdir -p "$cache"
-exec 9>"$cache/lock"
-if ! flock --nonblock 9; then
-  log "Waiting for another build of COLMAP"
-  flock 9
+# Installations appear whole, so only building needs the lock.
+if [[ ! -d $prefix ]]; then
+  mkdir -p "$cache"
+  exec 9>"$cache/lock"
+  if ! flock --nonblock 9; then
+    log "Waiting for another build of COLMAP"
+    flock 9
+  fi
 fi
 
 if [[ ! -d $prefix ]]; then
