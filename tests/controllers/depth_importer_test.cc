@@ -299,7 +299,12 @@ INSTANTIATE_TEST_SUITE_P(
     DepthImporterOnRealData,
     testing::Values(RealSet{"fountain-P11", "depth", 1, 6, 14, 0.9},
                     RealSet{"fountain-P11", "depth_meter", 1, 2, 5, 0.999},
-                    RealSet{"redkitchen50", "depth_sensor", 0.001, 1, 4, 0.7}));
+                    RealSet{"redkitchen50", "depth_sensor", 0.001, 1, 4, 0.7}),
+    [](const auto& info) {
+      std::string name = std::string(info.param.name) + "_" + info.param.folder;
+      name.erase(std::remove(name.begin(), name.end(), '-'), name.end());
+      return name;
+    });
 
 }  // namespace
 }  // namespace dgsfm
