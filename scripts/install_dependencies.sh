@@ -45,8 +45,11 @@ fi
 install=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive
   apt-get install --yes --no-install-recommends)
 
-# Package lists may be absent or too old to name versions that still exist.
+# Package lists may be absent, or name versions that exist no longer.
 echo "Installing ${missing[*]}"
+if ! "${install[@]}" --simulate "${missing[@]}" </dev/null >/dev/null 2>&1; then
+  "${as_root[@]}" apt-get update
+fi
 if ! "${install[@]}" "${missing[@]}" </dev/null; then
   "${as_root[@]}" apt-get update
   "${install[@]}" "${missing[@]}" </dev/null
