@@ -300,8 +300,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(RealSet{"fountain-P11", "depth", 1, 6, 14, 0.9},
                     RealSet{"fountain-P11", "depth_meter", 1, 2, 5, 0.999},
                     RealSet{"redkitchen50", "depth_sensor", 0.001, 1, 4, 0.7}),
-    [](const auto& info) {
-      std::string name = std::string(info.param.name) + "_" + info.param.folder;
+    [](const auto& test) {
+      std::string name = std::string(test.param.name) + "_" + test.param.folder;
       name.erase(std::remove(name.begin(), name.end(), '-'), name.end());
       return name;
     });
