@@ -28,7 +28,7 @@ run() {
 run depth_scene_synthesizer --output_path "$scene"
 run feature_extractor --database_path "$demo/database.db" \
   --image_path "$scene/images" --ImageReader.single_camera 1 \
-  --SiftExtraction.use_gpu 0 --SiftExtraction.max_num_features 2000
+  --SiftExtraction.use_gpu 0 --SiftExtraction.max_num_features 1500
 run exhaustive_matcher --database_path "$demo/database.db" \
   --SiftMatching.use_gpu 0
 run depth_importer --database_path "$demo/database.db" \
