@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Cholesky>
+
 namespace dgsfm {
 namespace {
 
@@ -133,6 +135,8 @@ class Estimator {
                                  double depth_noise) const;
   void Finish(Candidate* candidate, TwoViewDepthResult* result) const;
   void RefineWithoutDepth(Candidate* candidate) const;
+  static bool IsWithinNoise(const Eigen::Vector3d& translation,
+                            const TwoViewMatrix& covariance);
   bool AttachScale(TwoViewModel* model) const;
   void Report(const Candidate& candidate, TwoViewDepthResult* result) const;
 
@@ -442,7 +446,7 @@ void Estimator::Finish(Candidate* candidate, TwoViewDepthResult* result) const {
     RefineModel(
         data, range_.focal_case, cost_options, kMaxNumIterations, &model);
   }
-  const TwoViewMatrix covariance =
+  TwoViewMatrix covariance =
       EstimateCovariance(data, range_.focal_case, cost_options, model);
   const double stddev1 =
       std::sqrt(covariance(kLogFocal1Param, kLogFocal1Param));
@@ -467,12 +471,31 @@ void Estimator::Finish(Candidate* candidate, TwoViewDepthResult* result) const {
       !options_.paper) {
     RefineWithoutDepth(candidate);
   }
+  TwoViewDegeneracy& degeneracy = result->degeneracy;
+  degeneracy.focal_identifiable1 = stddev1 < kMaxLogFocalStddev;
+  degeneracy.focal_identifiable2 = stddev2 < kMaxLogFocalStddev;
   result->estimated_focal1 = range_.focal_case != FocalCase::KNOWN &&
                              range_.focal_case != FocalCase::ONE_SIDED1 &&
-                             stddev1 < kMaxLogFocalStddev;
+                             degeneracy.focal_identifiable1;
   result->estimated_focal2 = range_.focal_case != FocalCase::KNOWN &&
                              range_.focal_case != FocalCase::ONE_SIDED2 &&
-                             stddev2 < kMaxLogFocalStddev;
+                             degeneracy.focal_identifiable2;
+  covariance = EstimateCovariance(
+      data, range_.focal_case, cost_options, candidate->model);
+  result->has_covariance = candidate->with_depth && covariance.allFinite();
+  if (result->has_covariance) {
+    result->covariance = covariance;
+    degeneracy.rotation_only =
+        IsWithinNoise(candidate->model.translation, covariance);
+  }
+}
+
+// Whether the translation is zero by its covariance.
+bool Estimator::IsWithinNoise(const Eigen::Vector3d& translation,
+                              const TwoViewMatrix& covariance) {
+  constexpr double kMaxSqDeviation = 9;
+  const Eigen::Matrix3d block = covariance.block<3, 3>(3, 3);
+  return translation.dot(block.ldlt().solve(translation)) < kMaxSqDeviation;
 }
 
 // With known focal lengths and parallax the image points alone give the better
@@ -531,13 +554,17 @@ void Estimator::Report(const Candidate& candidate,
   result->num_inliers = static_cast<int>(inliers.size());
   result->inlier_mask.assign(order_.size(), 0);
   std::vector<double> angles;
+  int num_stationary = 0;
   for (const int i : inliers) {
     result->inlier_mask[order_[i]] = 1;
+    num_stationary += (data_.points1[i] - data_.points2[i]).norm() <
+                      2 * options_.max_epipolar_error_px;
     const auto intersection =
         IntersectRays(model, data_.points1[i], data_.points2[i]);
     angles.push_back(intersection ? intersection->angle_rad : 0);
   }
   result->success = result->num_inliers >= kMinNumInliers;
+  result->degeneracy.stationary = 2 * num_stationary > result->num_inliers;
   if (!angles.empty()) {
     result->median_triangulation_angle_deg = Median(angles) * 180 / M_PI;
   }
@@ -549,6 +576,8 @@ void Estimator::Report(const Candidate& candidate,
   if (!result->has_scale) {
     model.scale = 1;
     if (model.translation.norm() > 0) model.translation.normalize();
+    result->has_covariance = false;
+    result->covariance.setZero();
   }
   result->cam2_from_cam1 = Rigid3d(
       Eigen::Quaterniond(model.rotation).normalized(), model.translation);

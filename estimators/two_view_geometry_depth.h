@@ -39,6 +39,10 @@ struct DepthMatches {
   // z-depth at the points [unit of each map]; 0 = unknown.
   std::vector<double> depths1;
   std::vector<double> depths2;
+  // Derivative of the pixel in the (distorted) image by the point above, by
+  // which thresholds stay in pixels of the image. Empty = identity.
+  std::vector<Eigen::Matrix2d> pixel_jacobians1;
+  std::vector<Eigen::Matrix2d> pixel_jacobians2;
 };
 
 struct TwoViewDepthOptions {
@@ -72,11 +76,33 @@ struct TwoViewDepthInput {
   // or 1.2 x the larger side) [px]. All positive.
   double focal_length1_px = 0;
   double focal_length2_px = 0;
+  // Focal lengths by the depth model, 0 = none: a soft prior (log-normal, of
+  // this standard deviation [1]) on unknown ones, instead of the weak one
+  // around the guess.
+  double prior_focal_length1_px = 0;
+  double prior_focal_length2_px = 0;
+  double prior_log_focal_stddev = 0.25;
   // Larger image sides, for the plausible range of focal lengths [px].
   double image_size1_px = 0;
   double image_size2_px = 0;
   // Seed of the pair's private random stream: derive it from the pair id.
   uint64_t seed = 0;
+};
+
+// What the matches of a pair cannot tell.
+struct TwoViewDegeneracy {
+  // A homography explains the inliers. The pose then rests on the depths; a
+  // depth-free one is one of several.
+  bool planar = false;
+  // The translation cannot be told from zero: rotation and scale are valid,
+  // the translation (and its direction above all) is not.
+  bool rotation_only = false;
+  // The matches do not move between the images, as those on a watermark or a
+  // frame: the geometry is not that of the scene.
+  bool stationary = false;
+  // Whether each focal length is known, or determined by the matches.
+  bool focal_identifiable1 = true;
+  bool focal_identifiable2 = true;
 };
 
 struct TwoViewDepthResult {
@@ -101,6 +127,14 @@ struct TwoViewDepthResult {
   // Won by an estimator that uses no depth; the scale, if any, was attached
   // afterwards from triangulated depths.
   bool used_depth_free_estimator = false;
+  TwoViewDegeneracy degeneracy;
+  // Covariance of, in this order: rotation w [rad] (R <- exp(w) R), translation
+  // [its unit], log scale, log focal length 1, log focal length 2. Rows of what
+  // is known, or has no meaning (the scale without has_scale), are zero; both
+  // rows of a shared focal length are equal. Without scale the translation
+  // varies across its direction only. Meaningful if has_covariance.
+  bool has_covariance = false;
+  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
 };
 
 // Deterministic for a given input; no global state. O(trials * matches).

@@ -100,8 +100,9 @@ TEST(DepthConsistency, VerdictsDoNotDependOnTheOrderOfViews) {
   options.log_depth_stddev = 0.2;
   const TwoViewScene scene = CreateTwoViewScene(options, 6);
   const DepthMatches& matches = scene.input.matches;
-  const DepthMatches swapped = {
-      matches.points2, matches.points1, matches.depths2, matches.depths1};
+  DepthMatches swapped = matches;
+  std::swap(swapped.points1, swapped.points2);
+  std::swap(swapped.depths1, swapped.depths2);
   EXPECT_EQ(Check(matches, scene.truth), Check(swapped, scene.truth.Inverse()));
 }
 

@@ -27,21 +27,6 @@ TwoViewDepthOptions NoisyOptions() {
   return options;
 }
 
-TwoViewScene CreateScene(TwoViewSceneOptions options,
-                         FocalCase focal_case,
-                         uint64_t seed) {
-  options.shared_focal = focal_case == FocalCase::SHARED;
-  TwoViewScene scene = CreateTwoViewScene(options, seed);
-  scene.input.focal_case = focal_case;
-  if (focal_case == FocalCase::KNOWN || focal_case == FocalCase::ONE_SIDED1) {
-    scene.input.focal_length1_px = scene.truth.focal1;
-  }
-  if (focal_case == FocalCase::KNOWN || focal_case == FocalCase::ONE_SIDED2) {
-    scene.input.focal_length2_px = scene.truth.focal2;
-  }
-  return scene;
-}
-
 struct GridStatistics {
   double auc5 = 0;
   double median_log_scale = 0;
@@ -56,7 +41,8 @@ GridStatistics RunGrid(
         [](TwoViewDepthInput*) {}) {
   std::vector<double> pose_errors, scale_errors;
   for (int k = 0; k < num_pairs; ++k) {
-    TwoViewScene scene = CreateScene(scene_options, focal_case, 1000 + k);
+    TwoViewScene scene =
+        CreateTwoViewScene(scene_options, focal_case, 1000 + k);
     change(&scene.input);
     const TwoViewErrors errors = CompareWithTruth(
         EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions()),
@@ -67,19 +53,6 @@ GridStatistics RunGrid(
   return {AreaUnderRecall(pose_errors, 5), MedianOf(scale_errors)};
 }
 
-void RemoveDepth(TwoViewDepthInput* input) {
-  for (double& depth : input->matches.depths1) depth = 0;
-}
-
-// Depth maps that belong to other images.
-void PermuteDepth(TwoViewDepthInput* input) {
-  std::mt19937_64 random(input->seed);
-  std::shuffle(
-      input->matches.depths1.begin(), input->matches.depths1.end(), random);
-  std::shuffle(
-      input->matches.depths2.begin(), input->matches.depths2.end(), random);
-}
-
 TEST(TwoViewGeometryDepth, NoiseFreePairsAreExact) {
   TwoViewSceneOptions scene_options;
   scene_options.point_stddev_px = 0;
@@ -87,7 +60,8 @@ TEST(TwoViewGeometryDepth, NoiseFreePairsAreExact) {
   scene_options.bad_depth_ratio = 0;
   for (const FocalCase focal_case : kAllFocalCases) {
     for (uint64_t seed = 0; seed < 3; ++seed) {
-      const TwoViewScene scene = CreateScene(scene_options, focal_case, seed);
+      const TwoViewScene scene =
+          CreateTwoViewScene(scene_options, focal_case, seed);
       const TwoViewDepthResult result =
           EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions());
       ASSERT_TRUE(result.success);
@@ -105,7 +79,7 @@ TEST(TwoViewGeometryDepth, NoiseFreePairsAreExact) {
 
 TEST(TwoViewGeometryDepth, IsDeterministic) {
   for (const FocalCase focal_case : kAllFocalCases) {
-    const TwoViewScene scene = CreateScene({}, focal_case, 7);
+    const TwoViewScene scene = CreateTwoViewScene({}, focal_case, 7);
     const TwoViewDepthResult a =
         EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions());
     const TwoViewDepthResult b =
@@ -132,7 +106,7 @@ void ExpectFinite(const TwoViewDepthResult& result) {
 
 TEST(TwoViewGeometryDepth, DegenerateInputsGiveFiniteResults) {
   for (const FocalCase focal_case : kAllFocalCases) {
-    const TwoViewScene scene = CreateScene({}, focal_case, 3);
+    const TwoViewScene scene = CreateTwoViewScene({}, focal_case, 3);
     const size_t size = scene.input.matches.points1.size();
     const auto expect_finite =
         [&](const std::function<void(DepthMatches*)>& change) {
@@ -187,7 +161,7 @@ TEST(TwoViewGeometryDepth, DegenerateInputsGiveFiniteResults) {
 }
 
 TEST(TwoViewGeometryDepth, BrokenContractsThrow) {
-  const TwoViewScene scene = CreateScene({}, FocalCase::TWO, 3);
+  const TwoViewScene scene = CreateTwoViewScene({}, FocalCase::TWO, 3);
   TwoViewDepthInput input = scene.input;
   input.matches.depths2.pop_back();
   EXPECT_THROW(EstimateTwoViewGeometryWithDepth(input, {}),
@@ -250,7 +224,8 @@ TEST(TwoViewGeometryDepth, PaperPresetFindsScaleAndPose) {
   options.paper = true;
   TwoViewSceneOptions scene_options;
   scene_options.log_depth_stddev = 0.03;
-  const TwoViewScene scene = CreateScene(scene_options, FocalCase::TWO, 11);
+  const TwoViewScene scene =
+      CreateTwoViewScene(scene_options, FocalCase::TWO, 11);
   const TwoViewDepthResult result =
       EstimateTwoViewGeometryWithDepth(scene.input, options);
   ASSERT_TRUE(result.success);

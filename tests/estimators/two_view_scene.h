@@ -160,6 +160,35 @@ inline TwoViewScene CreateTwoViewScene(const TwoViewSceneOptions& options,
   }
 }
 
+// The same with the focal lengths that are known in `focal_case` in the input.
+inline TwoViewScene CreateTwoViewScene(TwoViewSceneOptions options,
+                                       FocalCase focal_case,
+                                       uint64_t seed) {
+  options.shared_focal = focal_case == FocalCase::SHARED;
+  TwoViewScene scene = CreateTwoViewScene(options, seed);
+  scene.input.focal_case = focal_case;
+  if (focal_case == FocalCase::KNOWN || focal_case == FocalCase::ONE_SIDED1) {
+    scene.input.focal_length1_px = scene.truth.focal1;
+  }
+  if (focal_case == FocalCase::KNOWN || focal_case == FocalCase::ONE_SIDED2) {
+    scene.input.focal_length2_px = scene.truth.focal2;
+  }
+  return scene;
+}
+
+inline void RemoveDepth(TwoViewDepthInput* input) {
+  for (double& depth : input->matches.depths1) depth = 0;
+}
+
+// Depth maps that belong to other images.
+inline void PermuteDepth(TwoViewDepthInput* input) {
+  std::mt19937_64 random(input->seed);
+  std::shuffle(
+      input->matches.depths1.begin(), input->matches.depths1.end(), random);
+  std::shuffle(
+      input->matches.depths2.begin(), input->matches.depths2.end(), random);
+}
+
 struct TwoViewErrors {
   double rotation_deg = 180;
   double translation_deg = 180;
