@@ -26,10 +26,6 @@ std::string PairStatusName(PairStatus status) {
       return "low_triplet_support";
     case PairStatus::ROTATION_OUTLIER:
       return "rotation_outlier";
-    case PairStatus::SCALE_OUTLIER:
-      return "scale_outlier";
-    case PairStatus::SMALL_COMPONENT:
-      return "small_component";
   }
   throw std::invalid_argument("unknown pair status " +
                               std::to_string(static_cast<int>(status)));
@@ -50,6 +46,12 @@ PairGeometry PairGeometry::Inverse() const {
     std::swap(match.point2D_idx1, match.point2D_idx2);
   }
   return inverse;
+}
+
+void PairGeometry::DropScale() {
+  has_scale = false;
+  scale_1_from_2 = 1;
+  cam2_from_cam1.translation.stableNormalize();
 }
 
 }  // namespace dgsfm

@@ -29,8 +29,6 @@ enum class PairStatus : int {
   LOW_PAIR_SCORE = 7,      // imported score (Doppelgangers++)
   LOW_TRIPLET_SUPPORT = 8,
   ROTATION_OUTLIER = 9,
-  SCALE_OUTLIER = 10,
-  SMALL_COMPONENT = 11,
 };
 
 // Name as in logs and report.json, e.g. "too_few_inliers".
@@ -39,7 +37,7 @@ std::string PairStatusName(PairStatus status);
 struct PairGeometry {
   PairStatus status = PairStatus::NO_GEOMETRY;
   // Pose of image 2 relative to image 1. With has_scale the translation is in
-  // units of depth map 1, otherwise of unit length (or zero if unknown).
+  // units of depth map 1, otherwise of unit length or zero.
   Rigid3d cam2_from_cam1;
   // Whether depth fixes the length of the translation and scale_1_from_2.
   bool has_scale = false;
@@ -54,13 +52,16 @@ struct PairGeometry {
   // Matches put into the estimation.
   size_t num_matches = 0;
   // Matches that agree with the relative pose, and (same length) whether both
-  // depth maps agree as well: 1 yes, 0 not tested because depth is missing.
-  // Matches that contradict the depth maps are not listed.
+  // depth maps agree as well: 1 yes, 0 no depth to test it with. Matches that
+  // contradict the depth maps are listed, with 0, only if they are not
+  // filtered.
   colmap::FeatureMatches inlier_matches;
   std::vector<uint8_t> depth_verified;
 
   // The same pair seen from image 2: R^T, -R^T t / s, 1 / s, points swapped.
   PairGeometry Inverse() const;
+  // Makes it a pair without scale.
+  void DropScale();
 };
 
 }  // namespace dgsfm

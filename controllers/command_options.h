@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 
 namespace dgsfm {
@@ -37,6 +38,31 @@ class CommandOptions {
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
+};
+
+// Throws std::runtime_error with the reason unless the options are valid.
+template <typename Options>
+void CheckOptions(const Options& options) {
+  std::string error;
+  if (!options.IsValid(&error)) throw std::runtime_error(error);
+}
+
+// Adds options whose names begin with that of their group: "Group.field".
+class OptionGroup {
+ public:
+  OptionGroup(const std::string& group, CommandOptions* options)
+      : prefix_(group + "."), options_(options) {}
+  template <typename T>
+  OptionGroup& Add(const std::string& field,
+                   T* value,
+                   const std::string& help) {
+    options_->Add(prefix_ + field, value, help);
+    return *this;
+  }
+
+ private:
+  std::string prefix_;
+  CommandOptions* options_;
 };
 
 }  // namespace dgsfm

@@ -1,0 +1,179 @@
+#include "controllers/global_depth_mapper_options.h"
+
+namespace dgsfm {
+
+namespace {
+
+constexpr char kGroup[] = "DepthGlobalMapper";
+
+void BindPairStages(DepthGlobalMapperOptions* options,
+                    CommandOptions* command_options) {
+  OptionGroup(kGroup, command_options)
+      .Add("min_pair_score",
+           &options->view_graph.min_pair_score,
+           "pairs with an imported score up to this are removed [1]")
+      .Add("min_triplet_support",
+           &options->view_graph.min_triplet_support,
+           "pairs with a mean triplet support up to this are removed [1]")
+      .Add("keep_connected",
+           &options->view_graph.keep_connected,
+           "keep pairs below the triplet support that alone connect parts")
+      .Add("num_rotation_averaging_rounds",
+           &options->averaging.num_rotation_averaging_rounds,
+           "rounds of rotation averaging, each with a filter")
+      .Add("max_rotation_error",
+           &options->averaging.max_rotation_error_deg,
+           "pairs farther off the averaged rotations are removed [deg]")
+      .Add("max_log_scale_error",
+           &options->averaging.max_log_scale_error,
+           "pairs farther off the averaged scales lose theirs [log]")
+      .Add("track_min_num_views",
+           &options->tracks.min_num_views_per_track,
+           "images a track must be seen in")
+      .Add("track_min_num_per_view",
+           &options->tracks.min_num_tracks_per_view,
+           "images with fewer tracks also use two-view tracks")
+      .Add("init_use_depth",
+           &options->position_initialization.use_depth,
+           "start centres and points from depth")
+      .Add("init_use_median",
+           &options->position_initialization.use_median,
+           "start points at the median of their lifts, else at the mean");
+}
+
+void BindBundleAdjustment(ModelRefinementOptions* options,
+                          CommandOptions* command_options) {
+  BundleAdjustmentOptions& adjustment = options->bundle_adjustment;
+  OptionGroup(kGroup, command_options)
+      .Add("ba_num_rounds",
+           &options->num_bundle_adjustment_rounds,
+           "rounds of bundle adjustment, each with a filter")
+      .Add("ba_max_num_iterations",
+           &adjustment.max_num_iterations,
+           "iterations of each bundle adjustment")
+      .Add("ba_loss_scale",
+           &adjustment.loss_scale_px,
+           "residual from which the soft L1 loss grows linearly [px]")
+      .Add("ba_refine_focal_length",
+           &adjustment.refine_focal_length,
+           "refine focal lengths")
+      .Add("ba_refine_extra_params",
+           &adjustment.refine_extra_params,
+           "refine distortion")
+      .Add("ba_refine_principal_point",
+           &options->refine_principal_point,
+           "refine principal points once the model is complete")
+      .Add("ba_principal_point_stddev",
+           &adjustment.principal_point_stddev_ratio,
+           "prior of the principal point [larger image side]")
+      .Add("ba_extra_params_stddev",
+           &adjustment.extra_params_stddev,
+           "prior of distortion parameters [1]");
+}
+
+void BindRefinement(ModelRefinementOptions* options,
+                    CommandOptions* command_options) {
+  OptionGroup(kGroup, command_options)
+      .Add("gp_max_num_iterations",
+           &options->global_positioning.max_num_iterations,
+           "iterations of global positioning")
+      .Add("gp_loss_scale",
+           &options->global_positioning.loss_scale,
+           "Huber threshold of global positioning [sine of angle]")
+      .Add("max_angular_error",
+           &options->max_angular_error_deg,
+           "observations farther off after positioning are removed [deg]");
+  BindBundleAdjustment(options, command_options);
+  OptionGroup(kGroup, command_options)
+      .Add("max_reprojection_error",
+           &options->max_reprojection_error_px,
+           "observations farther off after the last round are removed [px]")
+      .Add("min_triangulation_angle",
+           &options->min_triangulation_angle_deg,
+           "points with a smaller triangulation angle are removed [deg]")
+      .Add("tri_max_epipolar_error",
+           &options->max_epipolar_error_px,
+           "distance from the epipolar line of matches to triangulate [px]")
+      .Add("max_completion_error",
+           &options->max_completion_error_px,
+           "largest error when tracks are completed and merged [px]")
+      .Add("min_num_points_per_image",
+           &options->min_num_points_per_image,
+           "images with fewer points are not registered");
+}
+
+void BindMapper(DepthGlobalMapperOptions* options,
+                CommandOptions* command_options) {
+  BindPairStages(options, command_options);
+  BindRefinement(&options->refinement, command_options);
+  OptionGroup group(kGroup, command_options);
+  group
+      .Add("min_model_size",
+           &options->min_model_size,
+           "models with fewer images are not written")
+      .Add("multiple_models",
+           &options->multiple_models,
+           "one model per connected component, else only the largest");
+  const auto skip = [&](const std::string& stage, bool* value) {
+    group.Add("skip_" + stage, value, "leave this stage out");
+  };
+  skip("pair_scores", &options->skip_pair_scores);
+  skip("triplet_support", &options->skip_triplet_support);
+  skip("focal_averaging", &options->skip_focal_averaging);
+  skip("reverification", &options->skip_reverification);
+  skip("scale_averaging", &options->skip_scale_averaging);
+  skip("global_positioning", &options->skip_global_positioning);
+  skip("bundle_adjustment", &options->skip_bundle_adjustment);
+  skip("retriangulation", &options->skip_retriangulation);
+}
+
+}  // namespace
+
+void BindOptions(GlobalDepthMapperOptions* options,
+                 CommandOptions* command_options) {
+  BindOptions(&options->verifier, command_options);
+  command_options->Add("image_path",
+                       &options->image_path,
+                       "folder of the images, for colours; empty = none");
+  command_options->AddRequired("output_path",
+                               &options->output_path,
+                               "folder of the models, created if missing");
+  command_options->Add("pair_scores_path",
+                       &options->pair_scores_path,
+                       "pair scores (Doppelgangers++), lines 'name1 name2 "
+                       "score'; empty = none");
+  command_options->Add(
+      "paper", &options->paper, "method and thresholds of the paper");
+  BindMapper(&options->mapper, command_options);
+}
+
+void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
+  TwoViewDepthOptions& two_view = options->verifier.verification.two_view;
+  two_view.paper = true;
+  two_view.max_epipolar_error_px = 1.0;
+  two_view.max_reprojection_error_px = 16.0;
+  two_view.min_num_trials = 1000;
+  two_view.max_num_trials = 1000;
+  options->verifier.verification.depth_consistency.tolerate_depth_error = false;
+  options->verifier.verification.depth_noise_factor = 0;
+  DepthGlobalMapperOptions& mapper = options->mapper;
+  mapper.view_graph.keep_connected = false;
+  mapper.tracks.min_num_tracks_per_view = 0;
+  mapper.refinement.bundle_adjustment.loss_scale_px = 1.0;
+  mapper.refinement.refine_principal_point = false;
+  mapper.skip_reverification = true;
+  mapper.skip_retriangulation = true;
+}
+
+bool RequestsPaperPreset(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "--paper=1") return true;
+    if (argument == "--paper" && i + 1 < argc) {
+      return std::string(argv[i + 1]) == "1";
+    }
+  }
+  return false;
+}
+
+}  // namespace dgsfm

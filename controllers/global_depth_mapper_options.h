@@ -1,0 +1,37 @@
+// Options of depth_global_mapper.
+
+#pragma once
+
+#include "controllers/depth_geometric_verifier.h"
+#include "sfm/depth_global_mapper.h"
+
+#include <string>
+
+namespace dgsfm {
+
+struct GlobalDepthMapperOptions {
+  // Folder of the images, for the colours of the points; empty = no colours.
+  std::string image_path;
+  // Existing folder that receives 0/, 1/, ..., report.json and project.ini.
+  std::string output_path;
+  // File of pair scores, lines "name1 name2 score"; empty = none.
+  std::string pair_scores_path;
+  DepthGeometricVerifierOptions verifier;
+  DepthGlobalMapperOptions mapper;
+  // The method and thresholds of the paper.
+  bool paper = false;
+};
+
+// Binds all options; call before parsing.
+void BindOptions(GlobalDepthMapperOptions* options,
+                 CommandOptions* command_options);
+
+// Sets the thresholds of the paper's appendix and switches stages off that it
+// does not have.
+void ApplyPaperPreset(GlobalDepthMapperOptions* options);
+
+// Whether --paper is switched on: the preset changes defaults, which have to
+// be known before the other options are read.
+bool RequestsPaperPreset(int argc, char** argv);
+
+}  // namespace dgsfm
