@@ -3,6 +3,7 @@
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
+#include "sfm/model_access.h"
 
 #include <colmap/base/camera_models.h>
 #include <colmap/base/cost_functions.h>
@@ -27,13 +28,6 @@ constexpr size_t kMaxNumImagesDense = 50;
 constexpr size_t kMaxNumImagesSparse = 1000;
 // Residuals below which threads cost more than they give.
 constexpr int kMinNumResidualsForThreads = 20000;
-
-std::vector<colmap::image_t> SortedRegisteredImages(
-    const colmap::Reconstruction& model) {
-  std::vector<colmap::image_t> image_ids = model.RegImageIds();
-  std::sort(image_ids.begin(), image_ids.end());
-  return image_ids;
-}
 
 ceres::CostFunction* CreateReprojectionCost(const colmap::Camera& camera,
                                             const Eigen::Vector2d& xy_px) {

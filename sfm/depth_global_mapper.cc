@@ -2,12 +2,10 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
-#include "estimators/graph.h"
-#include "estimators/median.h"
 #include "estimators/option_check.h"
+#include "sfm/model_access.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
 #include <glog/logging.h>
@@ -21,41 +19,17 @@ constexpr double kMinFilteredShare = 1e-3;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 
-// Registered image with the most points: the best anchor of the gauge.
+// Registered image with the most points, of these the one with the smallest
+// id: the best anchor of the gauge.
 colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
-  colmap::image_t anchor = colmap::kInvalidImageId;
-  for (const colmap::image_t image_id : model.RegImageIds()) {
-    if (anchor == colmap::kInvalidImageId ||
-        std::make_pair(model.Image(image_id).NumPoints3D(), anchor) >
-            std::make_pair(model.Image(anchor).NumPoints3D(), image_id)) {
-      anchor = image_id;
-    }
-  }
-  return anchor;
-}
-
-std::vector<IndexedPair> ScaledPairs(const ImageIndex& index,
-                                     PairGeometries* pairs) {
-  std::vector<IndexedPair> scaled_pairs;
-  for (const IndexedPair& indexed : ValidPairs(index, pairs)) {
-    if (indexed.pair->has_scale) scaled_pairs.push_back(indexed);
-  }
-  return scaled_pairs;
-}
-
-// Images of the index in the largest part that scaled pairs connect.
-std::vector<colmap::image_t> LargestScaledPart(const ImageIndex& index,
-                                               PairGeometries* pairs) {
-  std::vector<GraphEdge> edges;
-  for (const IndexedPair& indexed : ScaledPairs(index, pairs)) {
-    edges.emplace_back(indexed.image1, indexed.image2);
-  }
-  const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
-  std::vector<colmap::image_t> image_ids;
-  for (int i = 0; i < index.Size(); ++i) {
-    if (parts[i] == 0) image_ids.push_back(index.IdOf(i));
-  }
-  return image_ids;
+  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
+  return *std::max_element(
+      image_ids.begin(),
+      image_ids.end(),
+      [&](colmap::image_t image_id1, colmap::image_t image_id2) {
+        return model.Image(image_id1).NumPoints3D() <
+               model.Image(image_id2).NumPoints3D();
+      });
 }
 
 void AddCounts(const PairGeometries& pairs, StageTimer* timer) {
@@ -68,23 +42,11 @@ void AddCounts(const PairGeometries& pairs, StageTimer* timer) {
 
 bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
   if (!view_graph.IsValid(error) || !view_graph_calibration.IsValid(error) ||
-      !rotation_averaging.IsValid(error) || !scale_averaging.IsValid(error) ||
-      !tracks.IsValid(error) || !refinement.IsValid(error)) {
+      !averaging.IsValid(error) || !tracks.IsValid(error) ||
+      !refinement.IsValid(error)) {
     return false;
   }
-  return CheckOption(max_rotation_error_deg > 0,
-                     "max_rotation_error_deg must be > 0",
-                     max_rotation_error_deg,
-                     error) &&
-         CheckOption(max_log_scale_error > 0,
-                     "max_log_scale_error must be > 0",
-                     max_log_scale_error,
-                     error) &&
-         CheckOption(num_rotation_averaging_rounds >= 1,
-                     "num_rotation_averaging_rounds must be >= 1",
-                     num_rotation_averaging_rounds,
-                     error) &&
-         CheckOption(min_model_size >= 2,
+  return CheckOption(min_model_size >= 2,
                      "min_model_size must be >= 2",
                      min_model_size,
                      error);
@@ -115,7 +77,7 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
   std::vector<ImageIds> components = ConnectedImages(*pairs);
   if (!options_.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
-    ImageIds image_ids = components[i];
+    const ImageIds image_ids = components[i];
     if (image_ids.size() < size_t(options_.min_model_size)) {
       for (const colmap::image_t image_id : image_ids) {
         result_.unregistered_images[image_id] =
@@ -124,13 +86,14 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
       }
       continue;
     }
-    std::vector<Eigen::Quaterniond> rotations;
-    if (!AverageComponentRotations(
-            pairs, &image_ids, &rotations, &components)) {
-      continue;
-    }
-    std::unique_ptr<colmap::Reconstruction> model =
-        MapComponent(pairs, ImageIndex(image_ids), rotations);
+    const std::optional<ComponentRotations> rotations =
+        AverageRotationsOf(image_ids, pairs);
+    if (!rotations) continue;
+    components.insert(components.end(),
+                      rotations->other_parts.begin(),
+                      rotations->other_parts.end());
+    std::unique_ptr<colmap::Reconstruction> model = MapComponent(
+        pairs, ImageIndex(rotations->image_ids), rotations->cam_from_world);
     if (model) result_.models.push_back(std::move(model));
   }
   std::stable_sort(result_.models.begin(),
@@ -192,119 +155,36 @@ void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
   reverification.Finish(&result_.stages);
 }
 
-bool DepthGlobalMapper::AverageComponentRotations(
-    PairGeometries* pairs,
-    ImageIds* image_ids,
-    std::vector<Eigen::Quaterniond>* cam_from_world_rotations,
-    std::vector<ImageIds>* components) {
+std::optional<ComponentRotations> DepthGlobalMapper::AverageRotationsOf(
+    const ImageIds& image_ids, PairGeometries* pairs) {
   StageTimer timer("rotation_averaging");
-  timer.Add("images", double(image_ids->size()));
-  size_t num_filtered = 0;
-  for (int round = 0; round < options_.num_rotation_averaging_rounds; ++round) {
-    const ImageIndex index(*image_ids);
-    const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
-    std::vector<RelativeRotation> relative_rotations;
-    for (const IndexedPair& indexed : valid_pairs) {
-      relative_rotations.push_back({indexed.image1,
-                                    indexed.image2,
-                                    indexed.pair->cam2_from_cam1.rotation,
-                                    1.0});
+  timer.Add("images", double(image_ids.size()));
+  std::optional<ComponentRotations> rotations =
+      AverageComponentRotations(options_.averaging, image_ids, pairs);
+  if (!rotations) {
+    LOG(ERROR) << "Rotation averaging failed for the component of image "
+               << image_ids.front();
+    for (const colmap::image_t image_id : image_ids) {
+      result_.unregistered_images[image_id] = "rotation averaging failed";
     }
-    if (!AverageRotations(index.Size(),
-                          relative_rotations,
-                          /*fixed_node=*/0,
-                          options_.rotation_averaging,
-                          cam_from_world_rotations)) {
-      LOG(ERROR) << "Rotation averaging failed for the component of image "
-                 << image_ids->front();
-      for (const colmap::image_t image_id : *image_ids) {
-        result_.unregistered_images[image_id] = "rotation averaging failed";
-      }
-      return false;
-    }
-    std::vector<GraphEdge> edges;
-    for (const IndexedPair& indexed : valid_pairs) {
-      const Eigen::Quaterniond predicted =
-          (*cam_from_world_rotations)[indexed.image2] *
-          (*cam_from_world_rotations)[indexed.image1].conjugate();
-      const double error_deg =
-          predicted.angularDistance(indexed.pair->cam2_from_cam1.rotation) *
-          180 / M_PI;
-      if (error_deg > options_.max_rotation_error_deg) {
-        indexed.pair->status = PairStatus::ROTATION_OUTLIER;
-        ++num_filtered;
-      } else {
-        edges.emplace_back(indexed.image1, indexed.image2);
-      }
-    }
-    // Keep the largest part; the others are mapped on their own.
-    const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
-    std::map<int, ImageIds> images_of_parts;
-    std::vector<Eigen::Quaterniond> kept_rotations;
-    for (int i = 0; i < index.Size(); ++i) {
-      images_of_parts[parts[i]].push_back(index.IdOf(i));
-      if (parts[i] == 0) {
-        kept_rotations.push_back((*cam_from_world_rotations)[i]);
-      }
-    }
-    *image_ids = images_of_parts[0];
-    *cam_from_world_rotations = kept_rotations;
-    for (const auto& [part, part_image_ids] : images_of_parts) {
-      if (part != 0) components->push_back(part_image_ids);
-    }
+    return std::nullopt;
   }
-  timer.Add("pairs_filtered", double(num_filtered))
-      .Add("images_kept", double(image_ids->size()));
+  timer.Add("pairs_filtered", double(rotations->num_pairs_filtered))
+      .Add("images_kept", double(rotations->image_ids.size()));
   timer.Finish(&result_.stages);
-  return true;
+  return rotations;
 }
 
-ImageScales DepthGlobalMapper::AverageComponentScales(const ImageIndex& index,
-                                                      PairGeometries* pairs) {
+ImageScales DepthGlobalMapper::AverageScalesOf(const ImageIndex& index,
+                                               PairGeometries* pairs) {
   StageTimer timer("scale_averaging");
-  const ImageIndex scaled_index(LargestScaledPart(index, pairs));
-  std::vector<IndexedPair> scaled_pairs = ScaledPairs(scaled_index, pairs);
-  std::vector<RelativeLogScale> ratios;
-  for (const IndexedPair& indexed : scaled_pairs) {
-    ratios.push_back({indexed.image1,
-                      indexed.image2,
-                      std::log(indexed.pair->scale_1_from_2),
-                      1.0});
-  }
-  timer.Add("pairs", double(ratios.size()));
-  ImageScales scales;
-  if (!ratios.empty()) {
-    std::vector<double> log_scales(scaled_index.Size(), 0.0);
-    size_t num_outliers = 0;
-    if (!options_.skip_scale_averaging) {
-      if (!AverageScales(scaled_index.Size(),
-                         ratios,
-                         /*fixed_node=*/0,
-                         options_.scale_averaging,
-                         &log_scales)) {
-        LOG(WARNING) << "Scale averaging failed: images keep scale one";
-      }
-      for (size_t i = 0; i < ratios.size(); ++i) {
-        const double error = log_scales[ratios[i].node2] -
-                             log_scales[ratios[i].node1] - ratios[i].log_ratio;
-        if (std::abs(error) <= options_.max_log_scale_error) continue;
-        scaled_pairs[i].pair->has_scale = false;
-        ++num_outliers;
-      }
-    }
-    // Gauge: the median image has scale one. Images that only outliers linked
-    // have no scale.
-    const double median = Median(log_scales);
-    for (const colmap::image_t image_id :
-         LargestScaledPart(scaled_index, pairs)) {
-      scales[image_id] =
-          std::exp(log_scales[scaled_index.Of(image_id)] - median);
-    }
-    timer.Add("outliers", double(num_outliers));
-  }
-  timer.Add("images", double(scales.size()));
+  const ComponentScales scales = AverageComponentScales(
+      options_.averaging, options_.skip_scale_averaging, index, pairs);
+  timer.Add("pairs", double(scales.num_pairs))
+      .Add("outliers", double(scales.num_outliers))
+      .Add("images", double(scales.scales.size()));
   timer.Finish(&result_.stages);
-  return scales;
+  return scales.scales;
 }
 
 std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::CreateModel(
@@ -327,7 +207,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     PairGeometries* pairs,
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) {
-  const ImageScales scales = AverageComponentScales(index, pairs);
+  const ImageScales scales = AverageScalesOf(index, pairs);
   std::unique_ptr<colmap::Reconstruction> model =
       CreateModel(index, cam_from_world_rotations);
 

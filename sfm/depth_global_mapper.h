@@ -3,9 +3,8 @@
 
 #pragma once
 
-#include "estimators/rotation_averaging.h"
-#include "estimators/scale_averaging.h"
 #include "sfm/camera_calibration.h"
+#include "sfm/component_averaging.h"
 #include "sfm/model_refinement.h"
 #include "sfm/position_initialization.h"
 #include "sfm/stage_report.h"
@@ -17,6 +16,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,15 +25,7 @@ namespace dgsfm {
 struct DepthGlobalMapperOptions {
   ViewGraphFilterOptions view_graph;
   ViewGraphCalibrationOptions view_graph_calibration;
-  RotationAveragingOptions rotation_averaging;
-  // Averages rotations this often, taking out pairs that are off by more than
-  // max_rotation_error_deg after each [deg].
-  int num_rotation_averaging_rounds = 2;
-  double max_rotation_error_deg = 10.0;
-  ScaleAveragingOptions scale_averaging;
-  // Pairs whose log scale ratio is off by more than this after averaging lose
-  // their scale [1].
-  double max_log_scale_error = 0.5;
+  ComponentAveragingOptions averaging;
   TrackOptions tracks;
   PositionInitializationOptions position_initialization;
   ModelRefinementOptions refinement;
@@ -92,15 +84,9 @@ class DepthGlobalMapper {
 
   void FilterPairs(PairGeometries* pairs);
   void CalibrateAndReverify(PairGeometries* pairs);
-  // Averages rotations over a component. Parts that the rotation filter cuts
-  // off are added to `components`; `image_ids` keeps the largest part.
-  bool AverageComponentRotations(
-      PairGeometries* pairs,
-      ImageIds* image_ids,
-      std::vector<Eigen::Quaterniond>* cam_from_world_rotations,
-      std::vector<ImageIds>* components);
-  ImageScales AverageComponentScales(const ImageIndex& index,
-                                     PairGeometries* pairs);
+  std::optional<ComponentRotations> AverageRotationsOf(
+      const ImageIds& image_ids, PairGeometries* pairs);
+  ImageScales AverageScalesOf(const ImageIndex& index, PairGeometries* pairs);
   std::unique_ptr<colmap::Reconstruction> CreateModel(
       const ImageIndex& index,
       const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) const;

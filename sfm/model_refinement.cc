@@ -7,6 +7,7 @@
 #include "estimators/option_check.h"
 #include "estimators/two_view_model.h"
 #include "estimators/two_view_residuals.h"
+#include "sfm/model_access.h"
 
 #include <colmap/base/similarity_transform.h>
 #include <colmap/sfm/incremental_triangulator.h>
@@ -26,21 +27,6 @@ constexpr size_t kMinNumDepthsPerImage = 10;
 constexpr double kMinFocalLengthRatio = 0.1;
 constexpr double kMaxFocalLengthRatio = 10.0;
 constexpr double kMaxExtraParam = 1.0;
-
-std::vector<colmap::image_t> SortedRegisteredImages(
-    const colmap::Reconstruction& model) {
-  std::vector<colmap::image_t> image_ids = model.RegImageIds();
-  std::sort(image_ids.begin(), image_ids.end());
-  return image_ids;
-}
-
-std::vector<colmap::point3D_t> SortedPoints(
-    const colmap::Reconstruction& model) {
-  std::vector<colmap::point3D_t> point_ids;
-  for (const auto& point : model.Points3D()) point_ids.push_back(point.first);
-  std::sort(point_ids.begin(), point_ids.end());
-  return point_ids;
-}
 
 Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
                          const colmap::TrackElement& element) {

@@ -4,15 +4,13 @@
 
 #pragma once
 
-#include "sfm/view_graph.h"
+#include "sfm/component_averaging.h"
 
 #include <colmap/util/alignment.h>
 
 #include <colmap/base/reconstruction.h>
 #include <colmap/base/track.h>
 
-#include <map>
-#include <string>
 #include <vector>
 
 namespace dgsfm {
@@ -26,17 +24,14 @@ struct PositionInitializationOptions {
   bool use_median = true;
 };
 
-// Factor of each image's depth map to the common scale.
-using ImageScales = std::map<colmap::image_t, double>;
-
 // Sets the centres of the images of the index, whose rotations are final, and
 // adds the tracks as points. Scaled pairs give centres of images that have a
 // scale: c_j = c_i - R_j^T s_i t_ij along the maximum spanning tree by number
-// of inliers (DGSfM Eq. 9, 10); points are component-wise medians of the
-// lifted observations (Eq. 11 to 13, with z-depth). The other images follow by
+// of inliers (DGSfM Eq. 12, 13); points are component-wise medians of the
+// lifted observations (Eq. 14 to 16, with z-depth). The other images follow by
 // number of tracks already placed: their centre is the robust least-squares
 // intersection of the viewing rays of these tracks. Images that never see
-// three placed tracks stay unregistered; tracks with fewer than two registered
+// six placed tracks stay unregistered; tracks with fewer than two registered
 // images are not added. Returns the number of registered images.
 size_t InitializePositions(const ImageIndex& index,
                            const PairGeometries& pairs,

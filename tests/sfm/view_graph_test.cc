@@ -105,5 +105,19 @@ TEST(PairGeometry, InverseOfInverseIsTheSame) {
             1e-14);
 }
 
+TEST(PairGeometry, WithoutItsScaleHasAUnitTranslation) {
+  PairGeometry pair;
+  pair.has_scale = true;
+  pair.scale_1_from_2 = 2.5;
+  pair.cam2_from_cam1.translation = Eigen::Vector3d(0, -4, 3);
+  pair.DropScale();
+  EXPECT_FALSE(pair.has_scale);
+  EXPECT_EQ(pair.scale_1_from_2, 1);
+  EXPECT_EQ(pair.cam2_from_cam1.translation, Eigen::Vector3d(0, -0.8, 0.6));
+  pair.cam2_from_cam1.translation.setZero();
+  pair.DropScale();
+  EXPECT_EQ(pair.cam2_from_cam1.translation, Eigen::Vector3d::Zero());
+}
+
 }  // namespace
 }  // namespace dgsfm

@@ -1,0 +1,69 @@
+// Rotations and depth scales of the images of a connected component from those
+// of its pairs, with the filters that take outlying pairs out.
+
+#pragma once
+
+#include "estimators/rotation_averaging.h"
+#include "estimators/scale_averaging.h"
+#include "sfm/view_graph.h"
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+struct ComponentAveragingOptions {
+  RotationAveragingOptions rotation_averaging;
+  // Averages rotations this often, taking out pairs that are off by more than
+  // max_rotation_error_deg after each [deg].
+  int num_rotation_averaging_rounds = 2;
+  double max_rotation_error_deg = 10.0;
+  ScaleAveragingOptions scale_averaging;
+  // Pairs whose log scale ratio is off by more than this after averaging lose
+  // their scale [1].
+  double max_log_scale_error = 0.5;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct ComponentRotations {
+  // The largest part that the remaining pairs connect, in increasing order,
+  // and the rotations of its images; gauge: identity at the smallest id of the
+  // component, until that image is cut off.
+  std::vector<colmap::image_t> image_ids;
+  std::vector<Eigen::Quaterniond> cam_from_world;
+  // Parts that lost their connection to it.
+  std::vector<std::vector<colmap::image_t>> other_parts;
+  size_t num_pairs_filtered = 0;
+};
+
+// Averages the rotations of the valid pairs among the images, which these
+// connect. Pairs too far off become ROTATION_OUTLIER. Nothing if the averaging
+// fails.
+std::optional<ComponentRotations> AverageComponentRotations(
+    const ComponentAveragingOptions& options,
+    const std::vector<colmap::image_t>& image_ids,
+    PairGeometries* pairs);
+
+// Factor of each image's depth map to the common scale.
+using ImageScales = std::map<colmap::image_t, double>;
+
+struct ComponentScales {
+  // Of the images in the largest part that scaled pairs connect; gauge: the
+  // median image has scale one.
+  ImageScales scales;
+  size_t num_pairs = 0;
+  // Pairs that lost their scale.
+  size_t num_outliers = 0;
+};
+
+// Averages the scale ratios of the valid pairs among the images of the index,
+// or gives all images the same scale with `skip`.
+ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
+                                       bool skip,
+                                       const ImageIndex& index,
+                                       PairGeometries* pairs);
+
+}  // namespace dgsfm

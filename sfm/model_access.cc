@@ -1,0 +1,22 @@
+#include "sfm/model_access.h"
+
+#include <algorithm>
+
+namespace dgsfm {
+
+std::vector<colmap::image_t> SortedRegisteredImages(
+    const colmap::Reconstruction& model) {
+  std::vector<colmap::image_t> image_ids = model.RegImageIds();
+  std::sort(image_ids.begin(), image_ids.end());
+  return image_ids;
+}
+
+std::vector<colmap::point3D_t> SortedPoints(
+    const colmap::Reconstruction& model) {
+  std::vector<colmap::point3D_t> point_ids;
+  for (const auto& point : model.Points3D()) point_ids.push_back(point.first);
+  std::sort(point_ids.begin(), point_ids.end());
+  return point_ids;
+}
+
+}  // namespace dgsfm
