@@ -1,6 +1,7 @@
 #include "estimators/global_positioning.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "estimators/ray_point_cost.h"
 
@@ -41,12 +42,6 @@ bool AllFinite(const std::vector<Eigen::Vector3d>& vectors) {
   return std::all_of(vectors.begin(), vectors.end(), [](const auto& vector) {
     return vector.allFinite();
   });
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Logarithms of the distance between camera and point of each observation; a

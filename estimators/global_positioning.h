@@ -1,5 +1,5 @@
 // Camera centres and points from rotations and viewing rays, from a metric
-// start (DGSfM Eq. 12; BATA residual of Zhuang 2018 as in GLOMAP).
+// start (DGSfM Eq. 17; BATA residual of Zhuang 2018 as in GLOMAP).
 
 #pragma once
 

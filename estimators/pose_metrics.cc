@@ -1,6 +1,7 @@
 #include "estimators/pose_metrics.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/median.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,14 +16,6 @@ constexpr double kDegFromRad = 180.0 / M_PI;
 // Shorter baselines have no direction [units of the model].
 constexpr double kMinTruthBaseline = 1e-9;
 constexpr double kMinModelBaseline = 1e-12;
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
-}
 
 double RotationErrorDeg(const Rigid3d& truth, const Rigid3d& model) {
   return kDegFromRad * truth.rotation.angularDistance(model.rotation);
@@ -110,8 +103,10 @@ PoseMetrics EvaluatePoses(
       metrics.num_images * (metrics.num_images - 1) / 2;  // 0 for 0 images
   metrics.relative_errors_deg.resize(num_pairs,
                                      std::numeric_limits<double>::infinity());
-  metrics.median_rotation_error_deg = Median(std::move(rotation_errors));
-  metrics.median_translation_error_deg = Median(std::move(direction_errors));
+  if (!rotation_errors.empty()) {
+    metrics.median_rotation_error_deg = Median(std::move(rotation_errors));
+    metrics.median_translation_error_deg = Median(std::move(direction_errors));
+  }
 
   if (common.size() >= 3) {
     Eigen::Matrix3Xd truth_centers(3, common.size());

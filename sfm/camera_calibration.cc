@@ -1,5 +1,7 @@
 #include "sfm/camera_calibration.h"
 
+#include "estimators/two_view_model.h"
+
 #include <algorithm>
 
 namespace dgsfm {
@@ -12,19 +14,13 @@ void SetFocalLength(double focal_length_px, colmap::Camera* camera) {
   }
 }
 
-// x2^T F x1 = 0 for points relative to the principal points [px].
 Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
-  const Eigen::Vector3d& t = pair.cam2_from_cam1.translation;
-  Eigen::Matrix3d t_cross;
-  t_cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-  const Eigen::Vector3d inverse_K1(
-      1 / pair.focal_length1_px, 1 / pair.focal_length1_px, 1);
-  const Eigen::Vector3d inverse_K2(
-      1 / pair.focal_length2_px, 1 / pair.focal_length2_px, 1);
-  const Eigen::Matrix3d F = inverse_K2.asDiagonal() * t_cross *
-                            pair.cam2_from_cam1.rotation.toRotationMatrix() *
-                            inverse_K1.asDiagonal();
-  return F / std::max(F.norm(), 1e-300);
+  TwoViewModel model;
+  model.rotation = pair.cam2_from_cam1.rotation.toRotationMatrix();
+  model.translation = pair.cam2_from_cam1.translation;
+  model.focal1 = pair.focal_length1_px;
+  model.focal2 = pair.focal_length2_px;
+  return model.FundamentalMatrix();
 }
 
 void CalibrateFromFundamentals(

@@ -48,7 +48,7 @@ struct ModelRefinementOptions {
   bool IsValid(std::string* error) const;
 };
 
-// Refines centres and points with fixed rotations (DGSfM Eq. 14). The centre
+// Refines centres and points with fixed rotations (DGSfM Eq. 17). The centre
 // of fixed_image stays. Returns the solver's summary.
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
                                          colmap::image_t fixed_image,
