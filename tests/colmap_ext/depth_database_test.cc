@@ -7,9 +7,7 @@
 #include <colmap/base/database.h>
 
 #include <filesystem>
-#include <fstream>
 #include <limits>
-#include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -65,12 +63,6 @@ void ExpectEqual(const PairGeometry& a, const PairGeometry& b) {
               b.inlier_matches[i].point2D_idx2);
   }
   EXPECT_EQ(a.depth_verified, b.depth_verified);
-}
-
-std::string FileContent(const std::string& path) {
-  std::ostringstream content;
-  content << std::ifstream(path, std::ios::binary).rdbuf();
-  return content.str();
 }
 
 // Images a.jpg (id 1, three key points), b.jpg (2, two) and c.jpg (3, none).

@@ -221,14 +221,12 @@ TEST_F(DepthMapIo, EveryTruncationIsAnError) {
   }
   const DepthMap depth_map = {3, 2, DepthUnit::METRIC, kValues};
   WriteDepthPng(Path("whole.png"), depth_map, 1);
-  std::ifstream file(Path("whole.png"), std::ios::binary);
-  const std::string png(std::istreambuf_iterator<char>(file), {});
+  const std::string png = FileContent(Path("whole.png"));
   for (size_t size = 0; size < png.size(); ++size) {
     ExpectError(Write("a.png", png.substr(0, size)), "");
   }
   WriteNpz("whole.npz", "depth.npy", kNpy2x3, ZIP_CM_DEFLATE);
-  std::ifstream npz_file(Path("whole.npz"), std::ios::binary);
-  const std::string npz(std::istreambuf_iterator<char>(npz_file), {});
+  const std::string npz = FileContent(Path("whole.npz"));
   for (size_t size = 0; size < npz.size(); ++size) {
     ExpectError(Write("a.npz", npz.substr(0, size)), "");
   }
@@ -241,8 +239,7 @@ TEST_F(DepthMapIo, DamagedBytesNeverCrash) {
   std::ofstream(Path("whole.pfm"), std::ios::binary)
       << "Pf\n3 2\n-1.0\n" + Bytes(kValues);
   for (const std::string& extension : DepthFileExtensions()) {
-    std::ifstream file(Path("whole" + extension), std::ios::binary);
-    const std::string whole(std::istreambuf_iterator<char>(file), {});
+    const std::string whole = FileContent(Path("whole" + extension));
     for (size_t i = 0; i < whole.size(); ++i) {
       for (const char flip : {'\x01', '\x80', '\xff'}) {
         std::string bytes = whole;

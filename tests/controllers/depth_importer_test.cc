@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -26,11 +25,6 @@ using testing::HasSubstr;
 
 constexpr int kPinhole = 1;
 const std::vector<Eigen::Vector2d> kNoKeypoints;
-
-std::string ReadBytes(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(file), {});
-}
 
 class DepthImporter : public testing::Test {
  protected:
@@ -61,7 +55,7 @@ class DepthImporter : public testing::Test {
 
   // Expects an error with all these parts, and an unchanged database.
   void ExpectError(const std::vector<std::string>& parts) const {
-    const std::string before = ReadBytes(database_path_);
+    const std::string before = FileContent(database_path_);
     try {
       Import();
       ADD_FAILURE() << "accepted, expected: " << parts.front();
@@ -70,7 +64,7 @@ class DepthImporter : public testing::Test {
         EXPECT_THAT(error.what(), HasSubstr(part));
       }
     }
-    EXPECT_EQ(ReadBytes(database_path_), before);
+    EXPECT_EQ(FileContent(database_path_), before);
   }
 
   std::string database_path_;

@@ -7,8 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 #include <gtest/gtest.h>
 
@@ -184,13 +182,6 @@ TEST(DepthGlobalMapper, ExplainsWhyNothingIsRegistered) {
   ASSERT_EQ(outcome.result.unregistered_images.size(), 12);
   EXPECT_EQ(outcome.result.unregistered_images.at(1),
             "no matches with other images");
-}
-
-std::string FileContent(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream content;
-  content << file.rdbuf();
-  return content.str();
 }
 
 TEST(DepthGlobalMapper, OneThreadGivesTheSameBytesTwice) {

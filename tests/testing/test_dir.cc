@@ -1,6 +1,8 @@
 #include "tests/testing/test_dir.h"
 
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 
 #include <gtest/gtest.h>
 
@@ -19,6 +21,11 @@ std::string CreateTestDir() {
   fs::remove_all(dir);
   fs::create_directories(dir);
   return dir.string();
+}
+
+std::string FileContent(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 std::optional<std::string> SharedDataSet(const std::string& name) {
