@@ -4,5 +4,9 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+# Tests in Python skip where its packages cannot be had.
+if python=$(scripts/python_env.sh); then
+  set -- -DDGSFM_PYTHON="$python" "$@"
+fi
 scripts/build.sh all "$@"
 ctest --preset release

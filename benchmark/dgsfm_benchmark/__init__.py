@@ -1,0 +1,1 @@
+"""Benchmark of depth-guided SfM: data sets, engines, metrics and pages."""

@@ -1,0 +1,80 @@
+"""Databases of COLMAP 3.8 to 4.x with some of their images."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sqlite3
+from collections.abc import Collection
+from pathlib import Path
+
+from .errors import BenchmarkError
+
+# pair_id = image_id1 * kMaxNumImages + image_id2, in every COLMAP.
+MAX_NUM_IMAGES = 2147483647
+
+
+def copy_with_images(
+    source: Path, target: Path, names: Collection[str]
+) -> None:
+    """Copies a database without other images and all that belongs to them.
+
+    Raises BenchmarkError if an image is missing.
+    """
+    shutil.copyfile(source, target)
+    with contextlib.closing(sqlite3.connect(target)) as connection:
+        connection.execute("PRAGMA foreign_keys = OFF")
+        with connection:
+            _delete_other_images(connection, source, set(names))
+        connection.execute("VACUUM")
+
+
+def _delete_other_images(connection, source, names):
+    ids = {
+        image_id: name
+        for image_id, name in connection.execute(
+            "SELECT image_id, name FROM images"
+        )
+    }
+    missing = names - set(ids.values())
+    if missing:
+        raise BenchmarkError(
+            f"database '{source}' has no image '{min(missing)}'"
+        )
+    others = [(i,) for i, name in ids.items() if name not in names]
+    if not others:
+        return
+    connection.execute("CREATE TEMP TABLE others (id INTEGER PRIMARY KEY)")
+    connection.executemany("INSERT INTO others VALUES (?)", others)
+    tables = {
+        name
+        for (name,) in connection.execute(
+            "SELECT name FROM sqlite_master WHERE type = 'table'"
+        )
+    }
+    for table in ("images", "keypoints", "descriptors"):
+        if table in tables:
+            connection.execute(
+                f"DELETE FROM {table} WHERE image_id IN others"
+            )
+    for table in ("matches", "two_view_geometries"):
+        if table in tables:
+            connection.execute(
+                f"DELETE FROM {table} WHERE"
+                f" pair_id / {MAX_NUM_IMAGES} IN others"
+                f" OR pair_id % {MAX_NUM_IMAGES} IN others"
+            )
+    if "frame_data" in tables:
+        connection.execute("DELETE FROM frame_data WHERE data_id IN others")
+        connection.execute(
+            "DELETE FROM frames WHERE frame_id NOT IN"
+            " (SELECT frame_id FROM frame_data)"
+        )
+
+
+def drop_descriptors(path: Path) -> None:
+    """Mappers do not need them, and they are most of a database."""
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        with connection:
+            connection.execute("DELETE FROM descriptors")
+        connection.execute("VACUUM")

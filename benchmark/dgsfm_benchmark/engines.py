@@ -1,0 +1,152 @@
+"""Mappers that are compared, as the [[engine]] tables of an experiment.
+
+type = "dgsfm": this project's program. depth = folder of depth maps (a key of
+    Scene.depth_folders), "database" for depth that the database already has,
+    or "none"; options = table of its options without the leading dashes.
+type = "pycolmap_global", "pycolmap_incremental": COLMAP 4.x by pycolmap.
+type = "colmap": a program of the user's. program = path; commands = list of
+    argument lists in which {database}, {images}, {output}, {threads} and
+    {seed} are replaced.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from .errors import BenchmarkError
+from .files import file_digest
+from .process import Usage, run_program
+
+NO_DEPTH = "none"
+
+
+@dataclasses.dataclass(frozen=True)
+class MappingJob:
+    """Input and output of one run."""
+
+    database: Path  # private copy, may be changed
+    image_folder: Path
+    output: Path  # existing, empty folder for numbered models
+    log: Path
+    threads: int
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Engine:
+    """An [[engine]] table and the program of this project."""
+
+    spec: dict
+    program: Path
+
+    @property
+    def name(self) -> str:
+        return self.spec["name"]
+
+    @property
+    def depth(self) -> str:
+        """Depth that it wants; see ``depth`` above."""
+        return self.spec.get("depth", NO_DEPTH)
+
+    def version(self) -> str:
+        """Changes when the program does; runs are repeated then."""
+        if self.spec["type"] == "dgsfm":
+            return _identity(self.program)
+        if self.spec["type"] == "colmap":
+            return _identity(Path(self.spec["program"]))
+        return "pycolmap " + metadata.version("pycolmap")
+
+    def map(self, job: MappingJob) -> tuple[dict[str, float], Usage]:
+        """Runs the mapper; returns the seconds of its stages, and resources.
+
+        Raises BenchmarkError if the program fails.
+        """
+        mappers = {
+            "dgsfm": self._map_with_depth,
+            "pycolmap_global": self._map_with_pycolmap,
+            "pycolmap_incremental": self._map_with_pycolmap,
+            "colmap": self._map_with_program,
+        }
+        if self.spec["type"] not in mappers:
+            raise BenchmarkError(
+                f"engine '{self.name}': type '{self.spec['type']}' must be "
+                f"one of {', '.join(mappers)}"
+            )
+        return mappers[self.spec["type"]](job)
+
+    def _map_with_depth(self, job):
+        arguments = [
+            str(self.program), "depth_global_mapper",
+            "--database_path", str(job.database),
+            "--output_path", str(job.output),
+            "--num_threads", str(job.threads),
+            "--random_seed", str(job.seed),
+        ]  # fmt: skip
+        if self.depth == NO_DEPTH:
+            arguments += ["--use_depth", "0"]
+        for option, value in self.spec.get("options", {}).items():
+            arguments += [f"--{option}", str(value)]
+        usage = run_program(arguments, job.log)
+        report = json.loads((job.output / "report.json").read_text())
+        stages: dict[str, float] = {}
+        for stage in report["stages"]:
+            name = stage["stage"]
+            stages[name] = stages.get(name, 0.0) + stage["seconds"]
+        return stages, usage
+
+    def _map_with_pycolmap(self, job):
+        names = {
+            "pycolmap_global": ["view_graph_calibration", "global"],
+            "pycolmap_incremental": ["incremental"],
+        }[self.spec["type"]]
+        stages, usage = {}, Usage()
+        for name in names:
+            stage_usage = run_pycolmap(
+                name,
+                job.log,
+                database=str(job.database),
+                images=str(job.image_folder),
+                output=str(job.output),
+                threads=job.threads,
+                seed=job.seed,
+            )
+            stages[name] = stage_usage.seconds
+            usage += stage_usage
+        return stages, usage
+
+    def _map_with_program(self, job):
+        values = {
+            "database": job.database,
+            "images": job.image_folder,
+            "output": job.output,
+            "threads": job.threads,
+            "seed": job.seed,
+        }
+        stages, usage = {}, Usage()
+        for command in self.spec["commands"]:
+            arguments = [argument.format(**values) for argument in command]
+            stage_usage = run_program(
+                [str(self.spec["program"]), *arguments], job.log
+            )
+            stages[command[0]] = stage_usage.seconds
+            usage += stage_usage
+        return stages, usage
+
+
+def run_pycolmap(stage: str, log: Path, **job) -> Usage:
+    """Runs a stage of pycolmap_worker."""
+    module = __name__.rsplit(".", 1)[0] + ".pycolmap_worker"
+    arguments = [sys.executable, "-m", module]
+    return run_program(
+        [*arguments, json.dumps({"stage": stage, **job})], log
+    )
+
+
+def _identity(program: Path) -> str:
+    if not program.exists():
+        raise BenchmarkError(f"program '{program}' does not exist")
+    return f"{program.name} {file_digest(program)}"

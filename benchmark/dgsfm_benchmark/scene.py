@@ -1,0 +1,41 @@
+"""What a data set gives to the benchmark."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from .geometry import Pose
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scan:
+    """A laser scan: a PLY file and the transform into the world."""
+
+    path: Path
+    world_from_scan: np.ndarray  # 4x4
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Images with true poses."""
+
+    name: str  # unique in the data set; may have slashes
+    # Images are image_folder / name, with the names of the true poses.
+    image_folder: Path
+    truth: dict[str, Pose]
+    # Accuracy of true positions [truth unit], for COLMAP's metrics.
+    position_accuracy: float
+    # Whether the truth is in the unit of metric depth maps.
+    is_metric: bool = True
+    # Key points and matches as given; None = extracted by the benchmark.
+    database: Path | None = None
+    # Image pairs to match, lines of two names; None = all pairs.
+    pairs: Path | None = None
+    # Folders of depth maps, by the names that engines ask for.
+    depth_folders: dict[str, Path] = dataclasses.field(default_factory=dict)
+    scans: tuple[Scan, ...] = ()
+    # What a synthetic scene was made with, for tables and plots.
+    parameters: dict = dataclasses.field(default_factory=dict)

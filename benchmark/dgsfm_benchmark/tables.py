@@ -1,0 +1,229 @@
+"""Tables of runs, in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from .statistics import Record, auc, paired_difference, summarize
+
+# AUC points below which a difference is rounding, not a loss.
+MIN_LOSS = 0.1
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    lines = [
+        "| " + " | ".join(header) + " |",
+        "| " + " | ".join("---" for _ in header) + " |",
+    ]
+    return lines + ["| " + " | ".join(row) + " |" for row in rows]
+
+
+def _unique(values):
+    return list(dict.fromkeys(values))
+
+
+def _metric(name):
+    return lambda record: record.get("metrics", {}).get(name)
+
+
+def summary_table(
+    records: list[Record], engines: Sequence[str], thresholds: Sequence[float]
+) -> list[str]:
+    """One row an engine: means over the scenes that all engines ran on."""
+    common = set.intersection(
+        *({r["scene"] for r in records if r["engine"] == e} for e in engines)
+    )
+    rows = []
+    for engine in engines:
+        runs = [
+            r
+            for r in records
+            if r["engine"] == engine and r["scene"] in common
+        ]
+        failed = [r for r in runs if r["status"] != "ok"]
+        rows.append(
+            [
+                engine,
+                *(
+                    summarize(runs, lambda r, i=i: auc(r, i)).text()
+                    for i in range(len(thresholds))
+                ),
+                f"{_registered_share(runs):.1f} %",
+                f"{len(failed)} / {len(runs)}" if failed else "none",
+            ]
+        )
+    header = [
+        "engine",
+        *(f"AUC@{t:g}" for t in thresholds),
+        "registered",
+        "failed runs",
+    ]
+    return [
+        f"Mean of {len(common)} scenes, ± standard deviation over seeds.",
+        "",
+        *markdown(header, rows),
+    ]
+
+
+def _registered_share(runs):
+    registered = sum(r.get("metrics", {}).get("num_registered", 0) for r in runs)
+    total = sum(r.get("metrics", {}).get("num_images", 0) for r in runs)
+    return 100 * registered / total if total else 0.0
+
+
+def scene_table(
+    records: list[Record], engines: Sequence[str], thresholds: Sequence[float]
+) -> list[str]:
+    """One row a scene and engine, means over seeds."""
+    rows = []
+    for scene in _unique(r["scene"] for r in records):
+        first = True
+        for engine in engines:
+            runs = [
+                r
+                for r in records
+                if r["scene"] == scene and r["engine"] == engine
+            ]
+            if not runs:
+                continue
+            rows.append(_scene_row(scene if first else "", engine, runs, thresholds))
+            first = False
+    header = [
+        "scene", "engine", "registered", "models",
+        *(f"AUC@{t:g}" for t in thresholds),
+        "COLMAP's AUC@1 / 5", "scale", "points", "track length",
+    ]  # fmt: skip
+    return markdown(header, rows)
+
+
+def _scene_row(scene, engine, runs, thresholds):
+    if all(r["status"] != "ok" for r in runs):
+        reasons = _unique(_short_reason(r["reason"]) for r in runs)
+        return [scene, engine, "; ".join(reasons)] + [""] * (
+            len(thresholds) + 5
+        )
+    total = runs[0]["metrics"]["num_images"]
+    colmap = [
+        summarize(runs, lambda r, i=i: _colmap_auc(r, i)) for i in (1, 2)
+    ]
+    scale = summarize(runs, _metric("scale"))
+    is_metric = runs[0].get("is_metric", True)
+    return [
+        scene,
+        engine,
+        f"{summarize(runs, _metric('num_registered')).mean:.4g} / {total}",
+        f"{summarize(runs, _metric('num_models')).mean:.3g}",
+        *(
+            summarize(runs, lambda r, i=i: auc(r, i)).text()
+            for i in range(len(thresholds))
+        ),
+        " / ".join(f"{c.mean:.1f}" for c in colmap),
+        f"{scale.mean:.3f}" if is_metric and not np.isnan(scale.mean) else "",
+        f"{summarize(runs, _metric('num_points')).mean:.0f}",
+        f"{summarize(runs, _metric('mean_track_length')).mean:.2f}",
+    ]
+
+
+def _short_reason(reason):
+    return reason if len(reason) < 60 else reason[:57] + "..."
+
+
+def _colmap_auc(record, idx):
+    values = record.get("metrics", {}).get("colmap_auc")
+    return values[idx] if values else 0.0
+
+
+def resource_table(records: list[Record], engines: Sequence[str]) -> list[str]:
+    """Seconds and memory of each scene and engine, medians over seeds."""
+    rows = []
+    for scene in _unique(r["scene"] for r in records):
+        row = [scene]
+        for engine in engines:
+            runs = [
+                r
+                for r in records
+                if r["scene"] == scene
+                and r["engine"] == engine
+                and "seconds" in r
+            ]
+            if not runs:
+                row.append("")
+                continue
+            seconds = np.median([r["seconds"] for r in runs])
+            memory = np.median([r["peak_memory_mb"] for r in runs])
+            row.append(f"{seconds:.1f} s, {memory:.0f} MB")
+        rows.append(row)
+    return markdown(["scene", *engines], rows)
+
+
+def point_table(records: list[Record], engines: Sequence[str]) -> list[str]:
+    """Accuracy and completeness against scans, means over scenes; empty
+    without scans."""
+    records = [r for r in records if "points" in r.get("metrics", {})]
+    if not records:
+        return []
+    names = [
+        f"{kind}_{tolerance}cm"
+        for kind in ("accuracy", "completeness")
+        for tolerance in (1, 2, 5)
+    ]
+    rows = []
+    for engine in engines:
+        runs = [r for r in records if r["engine"] == engine]
+        for alignment in ("aligned", "metric"):
+            rows.append(
+                [engine, alignment]
+                + [
+                    summarize(
+                        runs,
+                        lambda r, a=alignment, n=name: (
+                            r["metrics"]["points"].get(a, {}).get(n)
+                        ),
+                    ).text()
+                    for name in names
+                ]
+            )
+    header = ["engine", "scale"] + [name.replace("_", " ") for name in names]
+    return markdown(header, rows)
+
+
+def losses(
+    records: list[Record], reference: str, idx: int
+) -> list[tuple[str, str, str, float, str]]:
+    """Points of a depth-quality sweep where an engine with depth is worse than
+    the reference: engine, family, level, mean loss over seeds, verdict."""
+    families = {}
+    for record in records:
+        if record["engine"] == reference:
+            key = (record["parameters"]["family"], record["seed"])
+            # On any level: they differ in depth only.
+            families[key] = auc(record, idx)
+    found = []
+    for engine in _unique(r["engine"] for r in records):
+        for scene in _unique(r["scene"] for r in records):
+            runs = [
+                r
+                for r in records
+                if r["engine"] == engine and r["scene"] == scene
+            ]
+            if not runs or not runs[0].get("uses_depth"):
+                continue
+            parameters = runs[0]["parameters"]
+            difference = paired_difference(
+                {(s,): v for (f, s), v in families.items()
+                 if f == parameters["family"]},
+                {(r["seed"],): auc(r, idx) for r in runs},
+            )  # fmt: skip
+            if difference.mean < -MIN_LOSS:
+                found.append(
+                    (
+                        engine,
+                        parameters["family"],
+                        parameters["level"],
+                        difference.mean,
+                        difference.verdict(),
+                    )
+                )
+    return found

@@ -1,0 +1,180 @@
+"""Runs of small experiments with programs made for the test."""
+
+import contextlib
+import io
+import json
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import support
+import pycolmap
+from dgsfm_benchmark import runner
+from dgsfm_benchmark.database import copy_with_images
+from dgsfm_benchmark.errors import BenchmarkError
+from dgsfm_benchmark.experiment import read_experiment
+from dgsfm_benchmark.process import run_program
+
+# A mapper that takes the truth of its scene, found beside the images, writes
+# it as its model, and notes in a file that it ran.
+MAPPER = f"""#!{sys.executable}
+import pathlib, shutil, sys
+images, output, seed = sys.argv[1:]
+scene = pathlib.Path(images).parent
+with open(scene / "runs.txt", "a") as log:
+    log.write(seed + "\\n")
+if seed == "1":
+    sys.exit("the mapper gave up")
+shutil.copytree(scene / "gt", pathlib.Path(output) / "0")
+"""
+
+EXPERIMENT = """
+seeds = [0, 1]
+[[dataset]]
+name = "test"
+layout = "plain"
+path = "{path}"
+[[engine]]
+name = "copy"
+type = "colmap"
+program = "{program}"
+commands = [["{{images}}", "{{output}}", "{{seed}}"]]
+[[engine]]
+name = "with depth"
+type = "dgsfm"
+depth = "depth"
+"""
+
+
+def write_database(path, names):
+    """A COLMAP 4.x database of images without key points."""
+    database = pycolmap.Database.open(str(path))
+    for name in names:
+        camera = pycolmap.Camera.create_from_model_name(
+            0, "SIMPLE_RADIAL", 70, 64, 48
+        )
+        camera_id = database.write_camera(camera)
+        database.write_image(pycolmap.Image(name=name, camera_id=camera_id))
+    database.close()
+
+
+class RunnerTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = Path(folder.name)
+        self.scene = self.path / "data" / "scene"
+        poses = support.random_poses(3)
+        support.write_text_model(self.scene / "gt", poses)
+        support.write_images(self.scene / "images", poses)
+        write_database(self.scene / "database.db", poses)
+        self.program = self.path / "mapper"
+        self.program.write_text(MAPPER)
+        self.program.chmod(0o755)
+
+    def run_experiment(self, **settings):
+        path = self.path / "experiment.toml"
+        path.write_text(
+            EXPERIMENT.format(path=self.path / "data", program=self.program)
+        )
+        with contextlib.redirect_stderr(io.StringIO()):
+            return runner.run_experiment(
+                read_experiment(path),
+                runner.Settings(
+                    self.path, self.path / "work", self.program, 2, **settings
+                ),
+            )
+
+    def num_runs(self):
+        return len((self.scene / "runs.txt").read_text().split())
+
+    def test_failed_run_counts_as_zero_and_says_why(self):
+        good, bad = self.run_experiment()
+        self.assertEqual((good["status"], good["seed"]), ("ok", 0))
+        for area in good["metrics"]["auc"]:
+            # The poses are of text files with 17 digits.
+            self.assertAlmostEqual(area, 100, delta=1e-6)
+        self.assertGreater(good["peak_memory_mb"], 0)
+        self.assertEqual(bad["status"], "failed")
+        self.assertIn("the mapper gave up", bad["reason"])
+        self.assertEqual(bad["metrics"]["auc"], [0, 0, 0])
+        # The engine that wants depth, which the scene has not, does not run.
+        self.assertEqual({good["engine"], bad["engine"]}, {"copy"})
+
+    def test_goes_on_where_it_was(self):
+        records = self.run_experiment()
+        self.assertEqual(self.num_runs(), 2)
+        self.assertEqual(self.run_experiment(), records)
+        self.assertEqual(self.num_runs(), 2)
+        self.run_experiment(fresh=True)
+        self.assertEqual(self.num_runs(), 4)
+        # Another version of the program, and a file that was cut off.
+        self.program.write_text(MAPPER + "# changed\n")
+        self.run_experiment()
+        self.assertEqual(self.num_runs(), 6)
+        (record,) = self.path.glob("work/**/copy/0/run.json")
+        record.write_text(record.read_text()[:20])
+        self.run_experiment()
+        self.assertEqual(self.num_runs(), 7)
+
+    def test_subsets_are_scenes_of_their_own(self):
+        names = [f"{i:04d}.jpg" for i in range(3)]
+        target = self.path / "cut.db"
+        copy_with_images(self.scene / "database.db", target, names[::2])
+        database = pycolmap.Database.open(str(target))
+        self.addCleanup(database.close)
+        self.assertEqual(
+            [image.name for image in database.read_all_images()], names[::2]
+        )
+        with self.assertRaisesRegex(BenchmarkError, "x.jpg"):
+            copy_with_images(
+                self.scene / "database.db", self.path / "x.db", ["x.jpg"]
+            )
+
+
+class ProcessTest(unittest.TestCase):
+    def test_reports_time_and_memory_of_the_child(self):
+        with tempfile.TemporaryDirectory() as folder:
+            code = "x = bytearray(200_000_000)"
+            usage = run_program(
+                [sys.executable, "-c", code], Path(folder) / "log"
+            )
+            # 200 million bytes, and the interpreter.
+            self.assertGreater(usage.peak_memory_mb, 190)
+            self.assertLess(usage.peak_memory_mb, 300)
+
+    def test_kills_what_takes_too_long(self):
+        with tempfile.TemporaryDirectory() as folder:
+            with self.assertRaisesRegex(BenchmarkError, "no result after"):
+                run_program(
+                    [sys.executable, "-c", "import time; time.sleep(60)"],
+                    Path(folder) / "log",
+                    timeout_seconds=0.2,
+                )
+
+
+class ExperimentFilesTest(unittest.TestCase):
+    def test_all_can_be_read(self):
+        paths = sorted(
+            (support.PROJECT / "benchmark" / "experiments").glob("*.toml")
+        )
+        self.assertGreater(len(paths), 4)
+        for path in paths:
+            self.assertTrue(read_experiment(path).engines)
+
+    def test_faults_are_named(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "x.toml"
+            for text, message in (
+                ("seeds = ", "x.toml"),
+                ("[[dataset]]\nname = 'a'\nlayout = 'plain'", "engine"),
+                ("sedes = [0]\ndataset = []\nengine = []", "sedes"),
+            ):
+                path.write_text(text)
+                with self.assertRaisesRegex(BenchmarkError, message):
+                    read_experiment(path)
+
+
+if __name__ == "__main__":
+    unittest.main()
