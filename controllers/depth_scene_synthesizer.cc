@@ -86,8 +86,8 @@ colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options) {
   const auto cameras = SynthesizeCameras(
       options.camera, options.num_images, options.random_seed);
   for (const auto& [camera_id, camera] : cameras) model.AddCamera(camera);
-  const std::vector<Rigid3d> views = CreateTownViews(
-      options.trajectory, options.num_images, options.random_seed);
+  const std::vector<Rigid3d> views =
+      CreateTownViews(options.family, options.num_images, options.random_seed);
   for (int i = 0; i < options.num_images; ++i) {
     colmap::Image image;
     image.SetImageId(i + 1);
@@ -103,18 +103,25 @@ colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options) {
 }
 
 void AddDepthErrors(const DepthNoiseOptions& options,
+                    const colmap::Camera& camera,
                     double scale,
                     uint32_t random_seed,
                     colmap::image_t image_id,
                     DepthMap* depth_map) {
-  DepthNoise noise(options, scale, random_seed, image_id);
+  DepthSamples samples;
+  samples.image_size_px = ImageSize(camera);
+  const Eigen::Vector2d pixel_size(
+      samples.image_size_px.x() / depth_map->width,
+      samples.image_size_px.y() / depth_map->height);
   for (int y = 0; y < depth_map->height; ++y) {
     for (int x = 0; x < depth_map->width; ++x) {
-      float& depth = depth_map->values[size_t(y) * depth_map->width + x];
-      depth = noise.PriorDepth(
-          depth, {(x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height});
+      samples.xys_px.push_back(
+          Eigen::Vector2d(x + 0.5, y + 0.5).cwiseProduct(pixel_size));
     }
   }
+  samples.depths.assign(depth_map->values.begin(), depth_map->values.end());
+  depth_map->values =
+      SynthesizePriorDepths(options, scale, samples, random_seed, image_id);
 }
 
 void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {
@@ -141,6 +148,7 @@ void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {
       throw std::runtime_error("cannot write '" + image_path.string() + "'");
     }
     AddDepthErrors(scene.depth_noise,
+                   model.Camera(image.CameraId()),
                    scales[i],
                    scene.random_seed,
                    image.ImageId(),
@@ -188,7 +196,20 @@ void BindSceneOptions(SyntheticSceneOptions* scene, CommandOptions* options) {
   options->Add("max_log_focal_offset",
                &camera.max_log_focal_offset,
                "each camera's log focal length differs by up to this [1]");
-  DepthNoiseOptions& noise = scene->depth_noise;
+  options->Add("max_log_size_offset",
+               &camera.max_log_size_offset,
+               "each camera's log width and height differ by up to this [1]");
+  options->Add("max_distortion_offset",
+               &camera.max_distortion_offset,
+               "each camera's radial coefficient differs by up to this [1]");
+  options->Add("portrait_ratio",
+               &camera.portrait_ratio,
+               "share of cameras in portrait format, in [0, 1]");
+}
+
+void BindDepthOptions(DepthNoiseOptions* noise_options,
+                      CommandOptions* options) {
+  DepthNoiseOptions& noise = *noise_options;
   options->Add("depth_scale_drift",
                &noise.log_scale_stddev,
                "standard deviation of the depth maps' log scales [1]");
@@ -201,11 +222,22 @@ void BindSceneOptions(SyntheticSceneOptions* scene, CommandOptions* options) {
   options->Add("depth_outlier_ratio",
                &noise.outlier_ratio,
                "share of pixels with grossly wrong depth, in [0, 1)");
+  options->Add("depth_noise_degrees_of_freedom",
+               &noise.noise_degrees_of_freedom,
+               "of Student's t distribution for depth_noise; 0 is normal");
+  options->Add("depth_edge_radius",
+               &noise.edge_radius_px,
+               "depths mix with those of other surfaces nearer than this [px]");
+  options->Add("depth_unrelated",
+               &noise.unrelated_weight,
+               "weight of a map unrelated to the scene, in [0, 1]");
 }
 
 void BindDatabaseOptions(SyntheticSceneOptions* scene,
                          CommandOptions* options) {
-  options->Add("num_points", &scene->num_points, "(database) number of points");
+  options->Add("num_points_per_image",
+               &scene->num_points_per_image,
+               "(database) mean number of points that an image observes");
   options->Add("num_components",
                &scene->num_components,
                "(database) parts of the scene without common points");
@@ -221,6 +253,9 @@ void BindDatabaseOptions(SyntheticSceneOptions* scene,
   options->Add("num_false_pairs",
                &scene->num_false_pairs,
                "(database) image pairs with consistent, but wrong matches");
+  options->Add("max_num_look_alikes",
+               &scene->max_num_look_alikes,
+               "(database, repeats) such pairs of each image, at most");
   options->Add("max_num_neighbors",
                &scene->max_num_neighbors,
                "(database) images that an image is matched with, at least");
@@ -229,16 +264,33 @@ void BindDatabaseOptions(SyntheticSceneOptions* scene,
                "(database) whether cameras have their true parameters");
 }
 
-// Depth errors as those of good metric networks, for the command's users;
-// tests start from none.
-DepthSceneSynthesizerOptions DefaultOptions() {
-  DepthSceneSynthesizerOptions options;
-  options.scene.num_images = 24;
-  options.scene.depth_noise.log_scale_stddev = 0.1;
-  options.scene.depth_noise.log_field_stddev = 0.02;
-  options.scene.depth_noise.log_noise_stddev = 0.01;
-  options.scene.image_noise_px = 0.5;
-  return options;
+void BindOptions(std::string* family,
+                 std::string* depth_model,
+                 int* random_seed,
+                 DepthSceneSynthesizerOptions* options,
+                 CommandOptions* command_options) {
+  command_options->AddRequired("output_path",
+                               &options->output_path,
+                               "new or empty folder for images/, depth/, gt/");
+  command_options->Add("database_only",
+                       &options->database_only,
+                       "write database.db with depth instead of images");
+  command_options->Add(
+      "family",
+      family,
+      SceneFamilyNames() +
+          "; images are rendered of ring, street and facade. Sets defaults of "
+          "the options of cameras and matches");
+  command_options->Add(
+      "depth_model",
+      depth_model,
+      DepthModelNames() + ". Sets defaults of the options depth_...");
+  BindSceneOptions(&options->scene, command_options);
+  BindDepthOptions(&options->scene.depth_noise, command_options);
+  BindDatabaseOptions(&options->scene, command_options);
+  command_options->Add("random_seed", random_seed, "seed of all random draws");
+  command_options->Add(
+      "num_threads", &options->num_threads, "threads, -1 is one per core");
 }
 
 }  // namespace
@@ -263,29 +315,28 @@ void SynthesizeDepthScene(const DepthSceneSynthesizerOptions& options) {
 }
 
 int RunDepthSceneSynthesizer(int argc, char** argv) {
-  DepthSceneSynthesizerOptions options = DefaultOptions();
-  std::string trajectory = TrajectoryName(options.scene.trajectory);
+  DepthSceneSynthesizerOptions options;
+  std::string family = "ring";
+  std::string depth_model = "network";
   int random_seed = 0;
-  CommandOptions command_options(
-      "depth_scene_synthesizer",
-      "Writes a synthetic scene with exact truth: images and depth maps, or a "
-      "database of observations.");
-  command_options.AddRequired("output_path",
-                              &options.output_path,
-                              "new or empty folder for images/, depth/, gt/");
-  command_options.Add("database_only",
-                      &options.database_only,
-                      "write database.db with depth instead of images");
-  command_options.Add("trajectory", &trajectory, "ring, street or facade");
-  BindSceneOptions(&options.scene, &command_options);
-  BindDatabaseOptions(&options.scene, &command_options);
-  command_options.Add("random_seed", &random_seed, "seed of all random draws");
-  command_options.Add(
-      "num_threads", &options.num_threads, "threads, -1 is one per core");
-  if (const auto exit_code = command_options.Parse(argc, argv)) {
-    return *exit_code;
+  // The family and the depth model, read first, set the defaults of the others.
+  for (int pass = 0; pass < 2; ++pass) {
+    options = DepthSceneSynthesizerOptions();
+    options.scene = SceneFamilyOptions(SceneFamilyFromName(family));
+    options.scene.depth_noise = DepthModelFromName(depth_model);
+    options.scene.num_images = 24;
+    options.scene.num_points_per_image = 1000;
+    options.scene.image_noise_px = 0.5;
+    CommandOptions command_options(
+        "depth_scene_synthesizer",
+        "Writes a synthetic scene with exact truth: images and depth maps, or "
+        "a database of observations.");
+    BindOptions(
+        &family, &depth_model, &random_seed, &options, &command_options);
+    if (const auto exit_code = command_options.Parse(argc, argv)) {
+      return *exit_code;
+    }
   }
-  options.scene.trajectory = TrajectoryFromName(trajectory);
   options.scene.random_seed = static_cast<uint32_t>(random_seed);
   SynthesizeDepthScene(options);
   std::cout << "Wrote " << options.scene.num_images << " images "

@@ -16,7 +16,7 @@ struct DepthSceneSynthesizerOptions {
   std::string output_path;
   // Write database.db instead of images and depth maps.
   bool database_only = false;
-  // Number of images, trajectory, cameras, depth noise and seed count in both
+  // Number of images, family, cameras, depth noise and seed count in both
   // cases, the other fields for databases only.
   SyntheticSceneOptions scene;
   // Threads that render; -1 is one per core.

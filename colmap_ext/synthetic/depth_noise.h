@@ -1,12 +1,11 @@
 // Errors of depth priors as those of monocular networks: a wrong scale per
-// image, an error that varies smoothly over the image, noise per pixel and
-// gross errors.
+// image, an error that varies smoothly over the image, noise with light or
+// heavy tails, gross errors, blurred edges, and maps that show something else.
 
 #pragma once
 
-#include "colmap_ext/synthetic/random_stream.h"
+#include <colmap/util/alignment.h>
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -22,11 +21,35 @@ struct DepthNoiseOptions {
   double log_field_stddev = 0;
   // Standard deviation of the independent log-depth error of a sample [1].
   double log_noise_stddev = 0;
+  // If positive, that error has Student's t distribution with so many degrees
+  // of freedom, scaled by log_noise_stddev: the fewer, the heavier its tails.
+  int noise_degrees_of_freedom = 0;
   // Share of samples, in [0, 1), off by a factor between 1.5 and 4.
   double outlier_ratio = 0;
+  // A sample that lies nearer than this [px of the camera's image] to one of
+  // another surface has a depth between the two; 0 leaves edges sharp.
+  double edge_radius_px = 0;
+  // Weight, in [0, 1], of a smooth map that has nothing to do with the scene,
+  // against the true log depth.
+  double unrelated_weight = 0;
 
   bool IsValid(std::string* error) const;
 };
+
+// Named errors, each with a scale drift of 20 %, but for "exact" and
+// "network":
+// - exact: none;
+// - network: as those of good metric networks (scale 10 %, field 2 %, noise
+//   1 %);
+// - drift: the scale alone;
+// - field: smooth errors of 10 %;
+// - heavy_tails: noise of 5 % with two degrees of freedom and 10 % outliers;
+// - edge_bleeding: edges blurred within 8 px, noise of 1 %;
+// - useless: maps unrelated to the scene.
+// Throws std::runtime_error on another name.
+DepthNoiseOptions DepthModelFromName(const std::string& name);
+// "exact, network, ... or useless".
+std::string DepthModelNames();
 
 // Scales of `num_images` depth maps with median log scale zero, so that a
 // model in units of the median depth map is metric.
@@ -34,31 +57,21 @@ std::vector<double> SynthesizeDepthScales(double log_scale_stddev,
                                           int num_images,
                                           uint32_t random_seed);
 
-// The errors of one image:
-//   depth = scale * prior_depth * exp(-error(x, y)).
-// Deterministic in seed and image id; samples draw from one stream in order.
-class DepthNoise {
- public:
-  // `scale` > 0 [depth unit per prior unit].
-  DepthNoise(const DepthNoiseOptions& options,
-             double scale,
-             uint32_t random_seed,
-             uint32_t image_id);
-
-  // Prior of a true depth at `xy`, the image position divided by width and
-  // height. Unknown depth (0) stays unknown.
-  double PriorDepth(double depth, const Eigen::Vector2d& xy);
-
- private:
-  struct Wave {
-    Eigen::Vector2d frequency;  // [1 / image width or height]
-    double phase;               // [rad]
-  };
-
-  DepthNoiseOptions options_;
-  double scale_;
-  std::array<Wave, 4> waves_;
-  RandomStream random_;
+// Samples of the true depth map of one image.
+struct DepthSamples {
+  Eigen::Vector2d image_size_px;
+  std::vector<Eigen::Vector2d> xys_px;
+  std::vector<double> depths;  // 0 is unknown
 };
+
+// Priors of samples, by
+//   depth = scale * prior_depth * exp(-error(x, y)),
+// in units of 1 / scale. Unknown depth stays unknown, all others are positive.
+// Deterministic in seed and image id; O(samples).
+std::vector<float> SynthesizePriorDepths(const DepthNoiseOptions& options,
+                                         double scale,
+                                         const DepthSamples& samples,
+                                         uint32_t random_seed,
+                                         uint32_t image_id);
 
 }  // namespace dgsfm

@@ -7,12 +7,15 @@
 
 #include <cmath>
 #include <set>
+#include <utility>
+#include <vector>
 
 namespace dgsfm {
 
 namespace {
 
-constexpr uint32_t kCameraPurpose = 200;
+constexpr uint32_t kFocalPurpose = 200;
+constexpr uint32_t kShapePurpose = 201;
 
 }  // namespace
 
@@ -29,15 +32,24 @@ bool SyntheticCameraOptions::IsValid(std::string* error) const {
   } else if (!(focal_length_px > 0)) {
     *error = "focal_length_px = " + std::to_string(focal_length_px) +
              " must be positive";
-  } else if (!(std::abs(radial_distortion) <= 0.2)) {
+  } else if (!(max_distortion_offset >= 0 &&
+               std::abs(radial_distortion) + max_distortion_offset <= 0.2)) {
     // Stronger distortion is not one-to-one in wide images.
-    *error = "radial_distortion = " + std::to_string(radial_distortion) +
-             " must be in [-0.2, 0.2]";
+    *error =
+        "radial_distortion = " + std::to_string(radial_distortion) +
+        " +- max_distortion_offset = " + std::to_string(max_distortion_offset) +
+        " must be in [-0.2, 0.2]";
   } else if (num_cameras < 0) {
     *error = "num_cameras = " + std::to_string(num_cameras) +
              " must not be negative";
   } else if (!(max_log_focal_offset >= 0 && max_log_focal_offset <= 1)) {
     *error = "max_log_focal_offset = " + std::to_string(max_log_focal_offset) +
+             " must be in [0, 1]";
+  } else if (!(max_log_size_offset >= 0 && max_log_size_offset <= 1)) {
+    *error = "max_log_size_offset = " + std::to_string(max_log_size_offset) +
+             " must be in [0, 1]";
+  } else if (!(portrait_ratio >= 0 && portrait_ratio <= 1)) {
+    *error = "portrait_ratio = " + std::to_string(portrait_ratio) +
              " must be in [0, 1]";
   } else {
     return true;
@@ -53,23 +65,46 @@ std::map<colmap::camera_t, colmap::Camera> SynthesizeCameras(
   DGSFM_CHECK(options.IsValid(&error)) << error;
   const int num_cameras =
       options.num_cameras > 0 ? options.num_cameras : num_images;
-  RandomStream random(random_seed, kCameraPurpose);
+  RandomStream focal_random(random_seed, kFocalPurpose);
+  RandomStream shape_random(random_seed, kShapePurpose);
   std::map<colmap::camera_t, colmap::Camera> cameras;
   for (int i = 1; i <= num_cameras; ++i) {
-    const double offset = options.max_log_focal_offset * random.Uniform(-1, 1);
+    const auto draw_factor = [](RandomStream* random, double max_log_offset) {
+      return std::exp(max_log_offset * random->Uniform(-1, 1));
+    };
+    double width =
+        std::round(options.width_px *
+                   draw_factor(&shape_random, options.max_log_size_offset));
+    double height =
+        std::round(options.height_px *
+                   draw_factor(&shape_random, options.max_log_size_offset));
+    const double size_factor =
+        std::sqrt(width * height / options.width_px / options.height_px);
+    const double distortion =
+        options.radial_distortion +
+        options.max_distortion_offset * shape_random.Uniform(-1, 1);
+    if (shape_random.Uniform() < options.portrait_ratio) {
+      std::swap(width, height);
+    }
     colmap::Camera camera;
-    camera.InitializeWithName(options.model_name,
-                              options.focal_length_px * std::exp(offset),
-                              options.width_px,
-                              options.height_px);
+    camera.InitializeWithName(
+        options.model_name,
+        options.focal_length_px * size_factor *
+            draw_factor(&focal_random, options.max_log_focal_offset),
+        static_cast<size_t>(width),
+        static_cast<size_t>(height));
     camera.SetCameraId(i);
     camera.SetPriorFocalLength(true);
     if (!camera.ExtraParamsIdxs().empty()) {
-      camera.Params(camera.ExtraParamsIdxs()[0]) = options.radial_distortion;
+      camera.Params(camera.ExtraParamsIdxs()[0]) = distortion;
     }
     cameras.emplace(i, camera);
   }
   return cameras;
+}
+
+Eigen::Vector2d ImageSize(const colmap::Camera& camera) {
+  return Eigen::Vector2d(camera.Width(), camera.Height());
 }
 
 Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target) {
@@ -90,7 +125,14 @@ bool ProjectIntoImage(const colmap::Camera& camera,
                       double min_depth,
                       Eigen::Vector2d* xy) {
   if (point_in_cam.z() < min_depth) return false;
-  *xy = camera.WorldToImage(point_in_cam.hnormalized());
+  const Eigen::Vector2d x_norm = point_in_cam.hnormalized();
+  const std::vector<size_t>& extra_idxs = camera.ExtraParamsIdxs();
+  if (!extra_idxs.empty() &&
+      3 * camera.Params(extra_idxs[0]) * x_norm.squaredNorm() <= -1) {
+    // The derivative of r * (1 + k * r^2) is not positive.
+    return false;
+  }
+  *xy = camera.WorldToImage(x_norm);
   return xy->x() >= 0 && xy->y() >= 0 && xy->x() < camera.Width() &&
          xy->y() < camera.Height();
 }

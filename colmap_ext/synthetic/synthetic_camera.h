@@ -15,6 +15,8 @@
 
 namespace dgsfm {
 
+// The offsets below are uniform and drawn for each camera; with all of them
+// zero the cameras are equal.
 struct SyntheticCameraOptions {
   // SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV.
   std::string model_name = "SIMPLE_RADIAL";
@@ -25,8 +27,16 @@ struct SyntheticCameraOptions {
   double radial_distortion = 0;
   // Images are divided evenly among the cameras in turn; 0 is one per image.
   int num_cameras = 1;
-  // Each camera's log focal length differs by up to this [1].
+  // Each camera's log focal length differs by up to this [1], on top of what
+  // its size makes.
   double max_log_focal_offset = 0;
+  // Each camera's log width and log height differ by up to this [1]; its focal
+  // length keeps the mean field of view.
+  double max_log_size_offset = 0;
+  // Each camera's radial coefficient differs by up to this [1].
+  double max_distortion_offset = 0;
+  // Share of cameras, in [0, 1], turned to portrait format.
+  double portrait_ratio = 0;
 
   bool IsValid(std::string* error) const;
 };
@@ -42,8 +52,11 @@ std::map<colmap::camera_t, colmap::Camera> SynthesizeCameras(
 // x axis horizontal in a world with z up. The axis must not be vertical.
 Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target);
 
+Eigen::Vector2d ImageSize(const colmap::Camera& camera);  // [px]
+
 // Image position [px] of a point in the camera frame, if it lies at least
-// `min_depth` in front of the camera and falls inside of the image.
+// `min_depth` in front of the camera and falls inside of the image. Directions
+// beyond the one at which negative radial distortion folds are not seen.
 bool ProjectIntoImage(const colmap::Camera& camera,
                       const Eigen::Vector3d& point_in_cam,
                       double min_depth,

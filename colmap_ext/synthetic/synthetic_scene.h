@@ -7,8 +7,10 @@
 
 #include "colmap_ext/rigid3.h"
 #include "colmap_ext/synthetic/depth_noise.h"
+#include "colmap_ext/synthetic/scene_layout.h"
 #include "colmap_ext/synthetic/synthetic_camera.h"
-#include "colmap_ext/synthetic/trajectory.h"
+
+#include <colmap/util/alignment.h>
 
 #include <colmap/base/camera.h>
 #include <colmap/feature/types.h>
@@ -25,8 +27,9 @@ namespace dgsfm {
 
 struct SyntheticSceneOptions {
   int num_images = 20;
-  int num_points = 1500;
-  Trajectory trajectory = Trajectory::RING;
+  // Key points that show a point, on average over the images.
+  int num_points_per_image = 400;
+  SceneFamily family = SceneFamily::RING;
   SyntheticCameraOptions camera;
   // Whether databases and Scenes have the true intrinsics with the prior flag.
   // Otherwise they have COLMAP's guess: 1.2 * max(width, height), undistorted.
@@ -43,6 +46,9 @@ struct SyntheticSceneOptions {
   // Pairs of images with no common view whose matches agree with one wrong
   // pose, as between look-alike buildings.
   int num_false_pairs = 0;
+  // In REPEATS, such pairs of each image with other bays; fewer where bays are
+  // not far enough apart.
+  int max_num_look_alikes = 0;
   // A pair is matched if it is among the best so many of one of its images by
   // common points, and has at least min_num_matches.
   int max_num_neighbors = 20;
@@ -51,6 +57,11 @@ struct SyntheticSceneOptions {
 
   bool IsValid(std::string* error) const;
 };
+
+// What belongs to a family beside its layout, without noise and depth errors:
+// look-alikes (REPEATS), and photos by everyone (INTERNET): unknown cameras of
+// different sizes, formats, focal lengths and distortions, 30 % outliers.
+SyntheticSceneOptions SceneFamilyOptions(SceneFamily family);
 
 struct SyntheticImage {
   colmap::image_t image_id = colmap::kInvalidImageId;

@@ -4,9 +4,8 @@
 #include "colmap_ext/pose_access.h"
 
 #include <colmap/base/database.h>
-#include <colmap/base/essential_matrix.h>
-#include <colmap/base/projection.h>
 #include <colmap/base/track.h>
+#include <colmap/estimators/fundamental_matrix.h>
 #include <colmap/estimators/two_view_geometry.h>
 
 #include <algorithm>
@@ -49,22 +48,28 @@ colmap::FeatureMatches InlierMatches(const SyntheticPair& pair) {
   return inliers;
 }
 
+// As COLMAP's verification leaves it: the inliers, and a fundamental matrix
+// fitted to them; the true one would tell what the noise hides. The pose and
+// the essential matrix are left to the mappers.
 colmap::TwoViewGeometry VerifiedPair(const SyntheticScene& synthetic,
                                      const SyntheticPair& pair,
-                                     const colmap::Camera& camera1,
-                                     const colmap::Camera& camera2) {
+                                     const SyntheticImage& image1,
+                                     const SyntheticImage& image2) {
+  using FundamentalEstimator = colmap::FundamentalMatrixEightPointEstimator;
   colmap::TwoViewGeometry geometry;
   geometry.config = synthetic.options.known_focal_length
                         ? colmap::TwoViewGeometry::CALIBRATED
                         : colmap::TwoViewGeometry::UNCALIBRATED;
   geometry.inlier_matches = InlierMatches(pair);
-  const Rigid3d& pose = pair.cam2_from_cam1;
-  geometry.qvec = QvecFromRotation(pose.rotation);
-  geometry.tvec = pose.translation;
-  geometry.E = colmap::EssentialMatrixFromPose(pose.rotation.toRotationMatrix(),
-                                               pose.translation);
-  geometry.F = camera2.CalibrationMatrix().inverse().transpose() * geometry.E *
-               camera1.CalibrationMatrix().inverse();
+  if (geometry.inlier_matches.size() < FundamentalEstimator::kMinNumSamples) {
+    return geometry;
+  }
+  std::vector<Eigen::Vector2d> xys1, xys2;
+  for (const colmap::FeatureMatch& match : geometry.inlier_matches) {
+    xys1.push_back(image1.keypoints[match.point2D_idx1]);
+    xys2.push_back(image2.keypoints[match.point2D_idx2]);
+  }
+  geometry.F = FundamentalEstimator::Estimate(xys1, xys2)[0];
   return geometry;
 }
 
@@ -102,18 +107,17 @@ DepthMap DepthMapFromSynthetic(const SyntheticScene& synthetic,
   const SyntheticImage& image = synthetic.images.at(image_id);
   DGSFM_CHECK(!image.prior_depths.empty())
       << "image " << image.name << " has no depth";
-  const SyntheticCameraOptions& camera = synthetic.options.camera;
+  const Eigen::Vector2d size = ImageSize(synthetic.cameras.at(image.camera_id));
   DepthMap map;
-  map.width = std::max(1, camera.width_px / cell_size_px);
-  map.height = std::max(1, camera.height_px / cell_size_px);
+  map.width = std::max(1, static_cast<int>(size.x()) / cell_size_px);
+  map.height = std::max(1, static_cast<int>(size.y()) / cell_size_px);
   map.values.assign(size_t(map.width) * map.height, 0);
   for (size_t i = 0; i < image.keypoints.size(); ++i) {
     const Eigen::Vector2d& xy = image.keypoints[i];
-    const int x = std::min(
-        static_cast<int>(xy.x() * map.width / camera.width_px), map.width - 1);
-    const int y =
-        std::min(static_cast<int>(xy.y() * map.height / camera.height_px),
-                 map.height - 1);
+    const int x = std::min(static_cast<int>(xy.x() * map.width / size.x()),
+                           map.width - 1);
+    const int y = std::min(static_cast<int>(xy.y() * map.height / size.y()),
+                           map.height - 1);
     map.values[size_t(y) * map.width + x] = image.prior_depths[i];
   }
   return map;
@@ -152,31 +156,28 @@ void WriteSyntheticDatabase(const SyntheticScene& synthetic,
   if (!std::ofstream(path)) {
     throw std::runtime_error("cannot create '" + path + "'");
   }
-  const Scene scene = SceneFromSynthetic(synthetic);
   colmap::Database database(path);
   const colmap::DatabaseTransaction transaction(&database);
-  for (const auto& [camera_id, camera] : scene.cameras) {
-    database.WriteCamera(camera, true);
+  for (const auto& [camera_id, camera] : synthetic.cameras) {
+    database.WriteCamera(CameraForMapper(synthetic, camera), true);
   }
-  for (const auto& [image_id, image] : scene.images) {
-    database.WriteImage(image, true);
+  for (const auto& [image_id, image] : synthetic.images) {
+    database.WriteImage(ImageWithoutPose(image), true);
     colmap::FeatureKeypoints keypoints;
-    for (const colmap::Point2D& point2D : image.Points2D()) {
-      keypoints.emplace_back(point2D.X(), point2D.Y());
+    for (const Eigen::Vector2d& xy : image.keypoints) {
+      keypoints.emplace_back(xy.x(), xy.y());
     }
     database.WriteKeypoints(image_id, keypoints);
   }
   for (const auto& [pair_id, pair] : synthetic.pairs) {
-    colmap::image_t image_id1, image_id2;
-    colmap::Database::PairIdToImagePair(pair_id, &image_id1, &image_id2);
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     database.WriteMatches(image_id1, image_id2, pair.matches);
-    const auto camera = [&](colmap::image_t image_id) {
-      return synthetic.cameras.at(synthetic.images.at(image_id).camera_id);
-    };
-    database.WriteTwoViewGeometry(
-        image_id1,
-        image_id2,
-        VerifiedPair(synthetic, pair, camera(image_id1), camera(image_id2)));
+    database.WriteTwoViewGeometry(image_id1,
+                                  image_id2,
+                                  VerifiedPair(synthetic,
+                                               pair,
+                                               synthetic.images.at(image_id1),
+                                               synthetic.images.at(image_id2)));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <stdexcept>
 #include <utility>
 
 namespace dgsfm {
@@ -236,7 +237,7 @@ RenderScene CreateTown(uint32_t random_seed) {
   return TownBuilder(random_seed).Build();
 }
 
-std::vector<Rigid3d> CreateTownViews(Trajectory trajectory,
+std::vector<Rigid3d> CreateTownViews(SceneFamily family,
                                      int num_images,
                                      uint32_t random_seed) {
   DGSFM_CHECK(num_images > 0) << "num_images = " << num_images;
@@ -244,19 +245,24 @@ std::vector<Rigid3d> CreateTownViews(Trajectory trajectory,
   for (int i = 0; i < num_images; ++i) {
     RandomStream random(random_seed, kViewPurpose, i);
     Eigen::Vector3d center, target;
-    if (trajectory == Trajectory::RING) {
+    if (family == SceneFamily::RING) {
       const double azimuth = 2 * M_PI * i / num_images - M_PI / 2;
       center = {12 * std::cos(azimuth), 12 * std::sin(azimuth), 3.6};
       target = {0, 0, 4};
-    } else if (trajectory == Trajectory::STREET) {
+    } else if (family == SceneFamily::STREET) {
       center = {-62 + std::min(1.5, 50. / num_images) * i, 0, 1.8};
       target = center + Eigen::Vector3d(20, 0, 1.2);
-    } else {
+    } else if (family == SceneFamily::FACADE) {
       const int num_columns = (num_images + 1) / 2;
       const double column = i % num_columns;
       center = {(column + 0.5) * 24 / num_columns - 12, 5, 1.8};
       if (i >= num_columns) center.z() = 4;
       target = center + Eigen::Vector3d(0, 13, 1);
+    } else {
+      throw std::runtime_error("images of the family '" +
+                               SceneFamilyName(family) +
+                               "' cannot be rendered, only observed in a "
+                               "database; ring, street and facade can");
     }
     for (int k = 0; k < 3; ++k) {
       center(k) += random.Uniform(-0.25, 0.25);

@@ -5,7 +5,7 @@
 
 #include "colmap_ext/rigid3.h"
 #include "colmap_ext/synthetic/ray_caster.h"
-#include "colmap_ext/synthetic/trajectory.h"
+#include "colmap_ext/synthetic/scene_layout.h"
 
 #include <colmap/util/alignment.h>
 
@@ -22,8 +22,9 @@ RenderScene CreateTown(uint32_t random_seed);
 
 // Viewpoints for `num_images` images. RING: around the fountain, 12 m from it,
 // looking across the square. STREET: 50 m along the street towards the square.
-// FACADE: two rows before the houses of the north side.
-std::vector<Rigid3d> CreateTownViews(Trajectory trajectory,
+// FACADE: two rows before the houses of the north side. Throws
+// std::runtime_error for the other families.
+std::vector<Rigid3d> CreateTownViews(SceneFamily family,
                                      int num_images,
                                      uint32_t random_seed);
 

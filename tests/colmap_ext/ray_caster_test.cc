@@ -99,7 +99,7 @@ TEST(RayCaster, RoofsAndFrustumsAreClosed) {
 TEST(RayCaster, ImagesAreTheSameForAnyNumberOfThreads) {
   const RenderScene town = CreateTown(0);
   const colmap::Camera camera = CreateCamera(160, 120);
-  const Rigid3d view = CreateTownViews(Trajectory::RING, 24, 0)[0];
+  const Rigid3d view = CreateTownViews(SceneFamily::RING, 24, 0)[0];
   const RenderedImage image1 = RenderImage(town, camera, view, 1);
   const RenderedImage image2 = RenderImage(CreateTown(0), camera, view, 3);
   EXPECT_EQ(image1.bitmap.ConvertToRowMajorArray(),
@@ -111,7 +111,7 @@ TEST(TownScene, SurfacePointsAreConsistentWithDepthAndColorOfTheirImages) {
   const RenderScene town = CreateTown(0);
   colmap::Reconstruction model;
   model.AddCamera(CreateCamera(320, 240));
-  const std::vector<Rigid3d> views = CreateTownViews(Trajectory::RING, 24, 0);
+  const std::vector<Rigid3d> views = CreateTownViews(SceneFamily::RING, 24, 0);
   std::vector<RenderedImage> rendered;
   for (int i = 0; i < 3; ++i) {
     colmap::Image image;

@@ -6,10 +6,12 @@
 #include <colmap/base/database.h>
 #include <colmap/base/essential_matrix.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 
 #include <gtest/gtest.h>
 
@@ -54,20 +56,30 @@ double MaxEpipolarError(const SyntheticScene& scene,
   return max_error;
 }
 
-class SyntheticScenes : public testing::TestWithParam<Trajectory> {};
+SyntheticSceneOptions OptionsOf(SceneFamily family) {
+  SyntheticSceneOptions options = SceneFamilyOptions(family);
+  options.num_images = 30;
+  options.num_points_per_image = 300;
+  return options;
+}
 
-TEST_P(SyntheticScenes, ObservationsAreExactWithoutNoise) {
-  SyntheticSceneOptions options;
-  options.trajectory = GetParam();
-  options.camera.radial_distortion = -0.05;
+class SceneFamilies : public testing::TestWithParam<SceneFamily> {};
+
+TEST_P(SceneFamilies, ObservationsAreExactWithoutNoise) {
+  SyntheticSceneOptions options = OptionsOf(GetParam());
   options.camera.num_cameras = 0;
-  options.camera.max_log_focal_offset = 0.2;
+  options.camera.radial_distortion = -0.05;
+  options.camera.max_log_focal_offset = 0.1;
+  options.outlier_match_ratio = 0;
   options.depth_noise.log_scale_stddev = 0.3;
   const SyntheticScene scene = SynthesizeScene(options);
-  ASSERT_EQ(scene.images.size(), 20);
-  EXPECT_EQ(scene.cameras.size(), 20);
+  ASSERT_EQ(scene.images.size(), 30);
+  EXPECT_EQ(scene.cameras.size(), 30);
+  size_t num_keypoints = 0;
   for (const auto& [image_id, image] : scene.images) {
-    EXPECT_GE(image.keypoints.size(), 100) << image.name;
+    num_keypoints += image.keypoints.size();
+    // Close-ups off the landmarks have fewest.
+    EXPECT_GE(image.keypoints.size(), 20) << image.name;
     ASSERT_EQ(image.prior_depths.size(), image.keypoints.size());
     for (size_t i = 0; i < image.keypoints.size(); ++i) {
       const Eigen::Vector3d in_cam =
@@ -81,24 +93,146 @@ TEST_P(SyntheticScenes, ObservationsAreExactWithoutNoise) {
           image.depth_scale * image.prior_depths[i] / in_cam.z(), 1, 1e-6);
     }
   }
-  // Every image hangs together with the next.
-  for (colmap::image_t image_id = 1; image_id < 20; ++image_id) {
-    const auto pair_id =
-        colmap::Database::ImagePairToPairId(image_id, image_id + 1);
-    if (GetParam() == Trajectory::FACADE && scene.pairs.count(pair_id) == 0) {
-      continue;  // the end of a row of the grid
-    }
-    EXPECT_GE(scene.pairs.at(pair_id).matches.size(), 20);
+  // The last point drawn is seen by at most all images.
+  EXPECT_NEAR(num_keypoints / 30., 300, 10);
+  for (const auto& [pair_id, pair] : scene.pairs) {
+    EXPECT_GE(pair.matches.size(), 20);
     // Undistortion is iterative (1e-10 in COLMAP).
     EXPECT_LT(MaxEpipolarError(scene, pair_id), 1e-8);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Trajectories,
-    SyntheticScenes,
-    testing::Values(Trajectory::RING, Trajectory::STREET, Trajectory::FACADE),
-    [](const auto& trajectory) { return TrajectoryName(trajectory.param); });
+TEST_P(SceneFamilies, PairsConnectAllImagesOfAnyNumber) {
+  for (const int num_images : {10, 30, 100}) {
+    SyntheticSceneOptions options = OptionsOf(GetParam());
+    options.num_images = num_images;
+    const SyntheticScene scene = SynthesizeScene(options);
+    std::set<colmap::image_t> connected = {1};
+    size_t num_before = 0;
+    while (connected.size() > num_before) {
+      num_before = connected.size();
+      for (const auto& [pair_id, pair] : scene.pairs) {
+        const auto [image_id1, image_id2] = ImageIds(pair_id);
+        if (pair.is_false) continue;
+        if (connected.count(image_id1) > 0) connected.insert(image_id2);
+        if (connected.count(image_id2) > 0) connected.insert(image_id1);
+      }
+    }
+    EXPECT_EQ(connected.size(), num_images);
+  }
+}
+
+TEST_P(SceneFamilies, NamesAreReadBack) {
+  EXPECT_EQ(SceneFamilyFromName(SceneFamilyName(GetParam())), GetParam());
+  EXPECT_THROW(SceneFamilyFromName("rings"), std::runtime_error);
+}
+
+INSTANTIATE_TEST_SUITE_P(All,
+                         SceneFamilies,
+                         testing::ValuesIn(AllSceneFamilies()),
+                         [](const auto& family) {
+                           return SceneFamilyName(family.param);
+                         });
+
+Rigid3d TruePose(const SyntheticScene& scene, colmap::image_pair_t pair_id) {
+  const auto [image_id1, image_id2] = ImageIds(pair_id);
+  return scene.images.at(image_id2).cam_from_world *
+         scene.images.at(image_id1).cam_from_world.Inverse();
+}
+
+TEST(SceneFamily, ClustersHangTogetherByTwoImages) {
+  const SyntheticScene scene =
+      SynthesizeScene(OptionsOf(SceneFamily::CLUSTERS));
+  // 14 images each, and the last two.
+  const auto part_of = [](colmap::image_t image_id) {
+    return image_id <= 14 ? 0 : image_id <= 28 ? 1 : 2;
+  };
+  size_t num_matches_within = 0, num_matches_across = 0;
+  std::set<int> parts_linked;
+  for (const auto& [pair_id, pair] : scene.pairs) {
+    const auto [image_id1, image_id2] = ImageIds(pair_id);
+    const int part1 = part_of(image_id1), part2 = part_of(image_id2);
+    EXPECT_FALSE(part1 == 0 && part2 == 1);
+    if (part1 != part2) parts_linked.insert(part1);
+    (part1 == part2 ? num_matches_within : num_matches_across) +=
+        pair.matches.size();
+  }
+  EXPECT_EQ(parts_linked, std::set<int>({0, 1}));
+  EXPECT_LT(num_matches_across, 0.1 * num_matches_within);
+}
+
+TEST(SceneFamily, RepeatsMatchDifferentBays) {
+  const SyntheticScene scene = SynthesizeScene(OptionsOf(SceneFamily::REPEATS));
+  int num_false = 0;
+  for (const auto& [pair_id, pair] : scene.pairs) {
+    const Rigid3d truth = TruePose(scene, pair_id);
+    const double error =
+        (truth.Inverse() * pair.cam2_from_cam1).translation.norm();
+    if (!pair.is_false) {
+      EXPECT_LT(error, 1e-9);
+      continue;
+    }
+    ++num_false;
+    // Off by some bays of 4 m.
+    EXPECT_NEAR(error / 4, std::round(error / 4), 1e-9);
+    EXPECT_GT(error, 3.9);
+    const auto [image_id1, image_id2] = ImageIds(pair_id);
+    for (const colmap::FeatureMatch& match : pair.matches) {
+      EXPECT_NE(scene.images.at(image_id1).point_idxs[match.point2D_idx1],
+                scene.images.at(image_id2).point_idxs[match.point2D_idx2]);
+    }
+  }
+  EXPECT_GE(num_false, 30);
+}
+
+TEST(SceneFamily, LowParallaxHasBaselinesFarBelowDepths) {
+  const SyntheticScene scene =
+      SynthesizeScene(OptionsOf(SceneFamily::LOW_PARALLAX));
+  for (const auto& [pair_id, pair] : scene.pairs) {
+    // Surfaces are 8 m away and more, and images in sight of the same part of
+    // them at most seven steps of 5 cm apart.
+    EXPECT_LT(TruePose(scene, pair_id).translation.norm(), 8 / 16.);
+  }
+}
+
+TEST(SceneFamily, ForwardMotionIsAlongTheOpticalAxis) {
+  const SyntheticScene scene = SynthesizeScene(OptionsOf(SceneFamily::FORWARD));
+  for (colmap::image_t image_id = 1; image_id < 30; ++image_id) {
+    const Eigen::Vector3d direction =
+        TruePose(scene, PairIdOfImages(image_id, image_id + 1)).translation;
+    // The target of 20 m moves by 0.5 m, the camera by 2 cm of 50.
+    EXPECT_LT(direction.z(), -0.99 * direction.norm());
+  }
+}
+
+TEST(SceneFamily, InternetCamerasDiffer) {
+  const SyntheticScene scene =
+      SynthesizeScene(OptionsOf(SceneFamily::INTERNET));
+  std::set<size_t> widths;
+  std::set<double> focal_lengths, distortions;
+  int num_portrait = 0;
+  for (const auto& [camera_id, camera] : scene.cameras) {
+    widths.insert(camera.Width());
+    focal_lengths.insert(camera.MeanFocalLength());
+    distortions.insert(camera.Params(camera.ExtraParamsIdxs()[0]));
+    num_portrait += camera.Height() > camera.Width();
+  }
+  EXPECT_GE(widths.size(), 25);
+  EXPECT_EQ(focal_lengths.size(), 30);
+  EXPECT_EQ(distortions.size(), 30);
+  EXPECT_GE(num_portrait, 4);
+  EXPECT_LE(num_portrait, 20);
+  EXPECT_GT(*focal_lengths.rbegin() / *focal_lengths.begin(), 1.5);
+  for (const auto& [image_id, image] : scene.images) {
+    const Eigen::Vector2d size = ImageSize(scene.cameras.at(image.camera_id));
+    for (const Eigen::Vector2d& xy : image.keypoints) {
+      EXPECT_TRUE((xy.array() >= 0).all() && (size - xy).minCoeff() >= 0);
+    }
+    const DepthMap map = DepthMapFromSynthetic(scene, image_id, 10);
+    EXPECT_EQ(map.width, static_cast<int>(size.x()) / 10);
+  }
+  EXPECT_FALSE(SceneFromSynthetic(scene).cameras.at(1).HasPriorFocalLength());
+}
 
 TEST(SyntheticScene, NoiseHasTheRequestedSize) {
   SyntheticSceneOptions options;

@@ -3,6 +3,7 @@
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/depth_map_io.h"
 #include "colmap_ext/scene_database.h"
+#include "tests/controllers/run_command.h"
 #include "tests/testing/test_dir.h"
 
 #include <colmap/util/alignment.h>
@@ -81,6 +82,53 @@ TEST(SynthesizeDepthScene, DatabaseHoldsObservationsAndDepth) {
               scene.images.at(image_id).NumPoints2D());
   }
   EXPECT_EQ(model.NumRegImages(), 10);
+}
+
+TEST(SynthesizeDepthScene, RefusesToRenderFamiliesOfPoints) {
+  DepthSceneSynthesizerOptions options;
+  options.scene.family = SceneFamily::INTERNET;
+  options.output_path = CreateTestDir();
+  try {
+    SynthesizeDepthScene(options);
+    FAIL() << "rendered";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("internet"), std::string::npos);
+  }
+}
+
+TEST(RunDepthSceneSynthesizer, NamesSetDefaultsOfOptions) {
+  const std::string dir = CreateTestDir();
+  const auto run = [&](const std::string& name, std::vector<std::string> args) {
+    args.insert(args.end(),
+                {"--database_only",
+                 "1",
+                 "--num_images",
+                 "10",
+                 "--num_points_per_image",
+                 "50",
+                 "--output_path",
+                 dir + "/" + name});
+    EXPECT_EQ(RunForTest(RunDepthSceneSynthesizer, args).code, 0);
+    return ReadScene(dir + "/" + name + "/database.db");
+  };
+  // The family gives every image its camera, unless an option says otherwise,
+  // before or after it.
+  EXPECT_EQ(run("internet", {"--family", "internet"}).cameras.size(), 10);
+  EXPECT_EQ(
+      run("one", {"--num_cameras", "1", "--family", "internet"}).cameras.size(),
+      1);
+  const auto depths = [&](const std::string& name) {
+    return DepthDatabase(dir + "/" + name + "/database.db",
+                         DepthDatabase::Mode::READ_ONLY)
+        .ReadAllKeypointDepths()
+        .at(1)
+        .depths;
+  };
+  run("exact", {"--depth_model", "exact"});
+  run("drift", {"--depth_model", "drift"});
+  run("drift0", {"--depth_model", "drift", "--depth_scale_drift", "0"});
+  EXPECT_NE(depths("exact"), depths("drift"));
+  EXPECT_EQ(depths("exact"), depths("drift0"));
 }
 
 TEST(SynthesizeDepthScene, RefusesWrongOptionsAndFilledFolders) {

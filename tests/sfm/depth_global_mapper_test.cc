@@ -16,7 +16,7 @@ namespace {
 SyntheticSceneOptions SmallRing() {
   SyntheticSceneOptions options;
   options.num_images = 12;
-  options.num_points = 600;
+  options.num_points_per_image = 150;
   options.depth_noise.log_scale_stddev = 0.2;
   return options;
 }
@@ -140,7 +140,6 @@ TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 20;
   options.num_components = 2;
-  options.num_points = 1000;
   const SyntheticScene synthetic = SynthesizeScene(options);
   const Outcome outcome = MapSynthetic(synthetic);
   ASSERT_EQ(outcome.result.models.size(), 2);
