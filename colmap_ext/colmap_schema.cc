@@ -12,4 +12,9 @@ void CheckIsColmapDatabase(const SqliteConnection& connection) {
   }
 }
 
+bool IsBlobSize(int64_t num_rows, int64_t num_cols, size_t num_values) {
+  return num_rows >= 0 && num_values % num_cols == 0 &&
+         num_values / num_cols == static_cast<size_t>(num_rows);
+}
+
 }  // namespace dgsfm

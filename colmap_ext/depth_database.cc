@@ -2,6 +2,8 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/colmap_schema.h"
+#include "colmap_ext/depth_schema.h"
+#include "colmap_ext/pair_geometry_table.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,68 +13,10 @@
 namespace dgsfm {
 namespace {
 
-constexpr int64_t kSchemaVersion = 1;
-
-constexpr char kCreateTables[] = R"(
-CREATE TABLE dgsfm_schema (version INTEGER NOT NULL);
-INSERT INTO dgsfm_schema VALUES (1);
-CREATE TABLE dgsfm_depth_maps (
-  image_id INTEGER PRIMARY KEY NOT NULL
-           REFERENCES images(image_id) ON DELETE CASCADE,
-  width    INTEGER NOT NULL,
-  height   INTEGER NOT NULL,
-  unit     INTEGER NOT NULL,
-  data     BLOB NOT NULL);
-CREATE TABLE dgsfm_keypoint_depths (
-  image_id INTEGER PRIMARY KEY NOT NULL
-           REFERENCES images(image_id) ON DELETE CASCADE,
-  unit     INTEGER NOT NULL,
-  rows     INTEGER NOT NULL,
-  data     BLOB NOT NULL);
-CREATE TABLE dgsfm_pair_geometries (
-  pair_id          INTEGER PRIMARY KEY NOT NULL,
-  status           INTEGER NOT NULL,
-  qvec             BLOB NOT NULL,
-  tvec             BLOB NOT NULL,
-  has_scale        INTEGER NOT NULL,
-  scale            REAL NOT NULL,
-  focal1           REAL NOT NULL,
-  focal2           REAL NOT NULL,
-  estimated_focal1 INTEGER NOT NULL,
-  estimated_focal2 INTEGER NOT NULL,
-  num_matches      INTEGER NOT NULL,
-  rows             INTEGER NOT NULL,
-  matches          BLOB NOT NULL,
-  depth_verified   BLOB NOT NULL);
-)";
-
 bool IsDepth(float depth) { return std::isfinite(depth) && depth >= 0; }
 
-void CheckContract(const PairGeometry& geometry) {
-  const Rigid3d& pose = geometry.cam2_from_cam1;
-  // The quaternion comes back as it is, so it has to be a rotation.
-  DGSFM_CHECK(std::abs(pose.rotation.norm() - 1) < 1e-6)
-      << pose.rotation.norm();
-  DGSFM_CHECK(pose.translation.allFinite());
-  DGSFM_CHECK(std::isfinite(geometry.scale_1_from_2) &&
-              geometry.scale_1_from_2 > 0)
-      << geometry.scale_1_from_2;
-  for (const double focal_length_px :
-       {geometry.focal_length1_px, geometry.focal_length2_px}) {
-    DGSFM_CHECK(std::isfinite(focal_length_px) && focal_length_px >= 0)
-        << focal_length_px;
-  }
-  DGSFM_CHECK(geometry.depth_verified.size() == geometry.inlier_matches.size());
-}
-
-std::vector<uint32_t> FlattenMatches(const colmap::FeatureMatches& matches) {
-  std::vector<uint32_t> flat;
-  flat.reserve(2 * matches.size());
-  for (const colmap::FeatureMatch& match : matches) {
-    flat.push_back(match.point2D_idx1);
-    flat.push_back(match.point2D_idx2);
-  }
-  return flat;
+bool IsFocalLength(double focal_length_px) {
+  return std::isfinite(focal_length_px) && focal_length_px >= 0;
 }
 
 }  // namespace
@@ -92,24 +36,12 @@ struct DepthDatabase::Impl {
                        : SqliteConnection::Mode::READ_WRITE,
                    timeout),
         mode(open_mode) {
-    const SqliteTransaction snapshot(connection, SqliteTransaction::Kind::READ);
     CheckIsColmapDatabase(connection);
-    HasTables();  // Refuses unknown versions.
+    if (mode == Mode::READ_WRITE) UpdateDepthTables(connection);
+    HasTables();  // Refuses other versions.
   }
 
-  // Whether the tables are there, in the version that we know.
-  bool HasTables() const {
-    if (!connection.HasTable("dgsfm_schema")) return false;
-    SqliteStatement select(connection, "SELECT version FROM dgsfm_schema");
-    const int64_t version = select.Step() ? select.Int(0) : 0;
-    if (version != kSchemaVersion) {
-      throw connection.Error()
-          << "its depth tables have version " << version
-          << ", this program knows version " << kSchemaVersion
-          << "; use the version of the program that wrote them";
-    }
-    return true;
-  }
+  bool HasTables() const { return HasDepthTables(connection); }
 
   // Runs `write` with the tables in place; all or nothing.
   template <typename Write>
@@ -117,7 +49,7 @@ struct DepthDatabase::Impl {
     DGSFM_CHECK(mode == Mode::READ_WRITE) << connection.Path();
     SqliteTransaction write_transaction(connection,
                                         SqliteTransaction::Kind::WRITE);
-    if (!HasTables()) connection.Execute(kCreateTables);
+    if (!HasTables()) CreateDepthTables(connection);
     write();
     write_transaction.Commit();
   }
@@ -144,52 +76,6 @@ struct DepthDatabase::Impl {
     return static_cast<DepthUnit>(unit);
   }
 
-  // The statement's columns are those of ReadPairGeometries().
-  PairGeometry ReadPairGeometry(const SqliteStatement& row) const {
-    const std::string pair = "pair " + row.Text(14) + " - " + row.Text(15);
-    const int64_t num_keypoints1 = row.Int(16);
-    const int64_t num_keypoints2 = row.Int(17);
-    const auto qvec = row.Blob<double>(2);
-    const auto tvec = row.Blob<double>(3);
-    const auto matches = row.Blob<uint32_t>(12);
-    const size_t num_rows = matches.size() / 2;
-    PairGeometry geometry;
-    geometry.status = static_cast<PairStatus>(row.Int(1));
-    geometry.has_scale = row.Int(4) != 0;
-    geometry.scale_1_from_2 = row.Double(5);
-    geometry.focal_length1_px = row.Double(6);
-    geometry.focal_length2_px = row.Double(7);
-    geometry.estimated_focal1 = row.Int(8) != 0;
-    geometry.estimated_focal2 = row.Int(9) != 0;
-    geometry.num_matches = static_cast<size_t>(row.Int(10));
-    geometry.depth_verified = row.Blob<uint8_t>(13);
-    if (qvec.size() != 4 || tvec.size() != 3 ||
-        row.Int(11) != int64_t(num_rows)) {
-      throw connection.Error()
-          << pair << ": damaged geometry; run depth_geometric_verifier again";
-    }
-    geometry.cam2_from_cam1 = {{qvec[0], qvec[1], qvec[2], qvec[3]},
-                               {tvec[0], tvec[1], tvec[2]}};
-    for (size_t i = 0; i < num_rows; ++i) {
-      geometry.inlier_matches.emplace_back(matches[2 * i], matches[2 * i + 1]);
-      if (matches[2 * i] >= num_keypoints1 ||
-          matches[2 * i + 1] >= num_keypoints2) {
-        throw connection.Error()
-            << pair
-            << ": its geometry refers to key points that are gone; run "
-               "depth_geometric_verifier again";
-      }
-    }
-    try {
-      PairStatusName(geometry.status);
-      CheckContract(geometry);
-    } catch (const std::invalid_argument&) {
-      throw connection.Error()
-          << pair << ": damaged geometry; run depth_geometric_verifier again";
-    }
-    return geometry;
-  }
-
   SqliteConnection connection;
   const Mode mode;
   std::optional<SqliteTransaction> transaction;
@@ -212,6 +98,8 @@ void DepthDatabase::WriteCompressedDepthMap(
     colmap::image_t image_id,
     const CompressedDepthMap& depth_map,
     const KeypointDepths& keypoint_depths) {
+  DGSFM_CHECK(IsFocalLength(keypoint_depths.focal_length_px))
+      << keypoint_depths.focal_length_px;
   DGSFM_CHECK(std::all_of(
       keypoint_depths.depths.begin(), keypoint_depths.depths.end(), IsDepth));
   impl_->RunWrite([&] {
@@ -230,11 +118,12 @@ void DepthDatabase::WriteCompressedDepthMap(
         .Run();
     SqliteStatement(impl_->connection,
                     "INSERT OR REPLACE INTO dgsfm_keypoint_depths(image_id, "
-                    "unit, rows, data) VALUES (?, ?, ?, ?)")
+                    "unit, rows, data, focal_length) VALUES (?, ?, ?, ?, ?)")
         .BindInt(1, image_id)
         .BindInt(2, static_cast<int>(keypoint_depths.unit))
         .BindInt(3, static_cast<int64_t>(keypoint_depths.depths.size()))
         .BindBlob(4, keypoint_depths.depths)
+        .BindDouble(5, keypoint_depths.focal_length_px)
         .Run();
   });
 }
@@ -281,8 +170,8 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
   SqliteStatement select(
       impl_->connection,
       "SELECT images.image_id, name, coalesce(keypoints.rows, 0), unit, "
-      "depths.rows, "
-      "depths.data FROM dgsfm_keypoint_depths AS depths "
+      "depths.rows, depths.data, focal_length FROM dgsfm_keypoint_depths AS "
+      "depths "
       "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)");
   while (select.Step()) {
     const std::string name = select.Text(1);
@@ -290,7 +179,9 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
     KeypointDepths depths;
     depths.unit = impl_->CheckedUnit(select.Int(3), name);
     depths.depths = select.Blob<float>(5);
-    if (select.Int(4) != int64_t(depths.depths.size()) ||
+    depths.focal_length_px = select.Double(6);
+    if (!IsFocalLength(depths.focal_length_px) ||
+        select.Int(4) != int64_t(depths.depths.size()) ||
         !std::all_of(depths.depths.begin(), depths.depths.end(), IsDepth)) {
       throw impl_->connection.Error()
           << "image " << name
@@ -311,32 +202,13 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
 
 void DepthDatabase::WritePairGeometries(
     const std::map<colmap::image_pair_t, PairGeometry>& geometries) {
-  for (const auto& [pair_id, geometry] : geometries) CheckContract(geometry);
+  for (const auto& [pair_id, geometry] : geometries) {
+    CheckPairGeometry(geometry);
+  }
   impl_->RunWrite([&] {
-    SqliteStatement insert(
-        impl_->connection,
-        "INSERT OR REPLACE INTO dgsfm_pair_geometries(pair_id, status, qvec, "
-        "tvec, has_scale, scale, focal1, focal2, estimated_focal1, "
-        "estimated_focal2, num_matches, rows, matches, depth_verified) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    PairGeometryInserter inserter(impl_->connection);
     for (const auto& [pair_id, geometry] : geometries) {
-      const Rigid3d& pose = geometry.cam2_from_cam1;
-      const Eigen::Vector4d qvec = QvecFromRotation(pose.rotation);
-      insert.BindInt(1, static_cast<int64_t>(pair_id))
-          .BindInt(2, static_cast<int>(geometry.status))
-          .BindBytes(3, qvec.data(), 4 * sizeof(double))
-          .BindBytes(4, pose.translation.data(), 3 * sizeof(double))
-          .BindInt(5, geometry.has_scale)
-          .BindDouble(6, geometry.scale_1_from_2)
-          .BindDouble(7, geometry.focal_length1_px)
-          .BindDouble(8, geometry.focal_length2_px)
-          .BindInt(9, geometry.estimated_focal1)
-          .BindInt(10, geometry.estimated_focal2)
-          .BindInt(11, static_cast<int64_t>(geometry.num_matches))
-          .BindInt(12, static_cast<int64_t>(geometry.inlier_matches.size()))
-          .BindBlob(13, FlattenMatches(geometry.inlier_matches))
-          .BindBlob(14, geometry.depth_verified)
-          .Run();
+      inserter.Insert(pair_id, geometry);
     }
   });
 }
@@ -345,28 +217,55 @@ std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries()
     const {
   std::map<colmap::image_pair_t, PairGeometry> geometries;
   if (!impl_->HasTables()) return geometries;
-  // Joined by the ids in the pair id, images that have been deleted drop out.
-  SqliteStatement select(
-      impl_->connection,
-      "SELECT pair_id, status, qvec, tvec, has_scale, scale, focal1, focal2, "
-      "estimated_focal1, estimated_focal2, num_matches, pairs.rows, matches, "
-      "depth_verified, image1.name, image2.name, "
-      "coalesce(keypoints1.rows, 0), coalesce(keypoints2.rows, 0) "
-      "FROM dgsfm_pair_geometries AS pairs "
-      "JOIN images AS image1 ON image1.image_id = pair_id / 2147483647 "
-      "JOIN images AS image2 ON image2.image_id = pair_id % 2147483647 "
-      "LEFT JOIN keypoints AS keypoints1 "
-      "ON keypoints1.image_id = image1.image_id "
-      "LEFT JOIN keypoints AS keypoints2 "
-      "ON keypoints2.image_id = image2.image_id");
-  while (select.Step()) {
-    geometries.emplace(static_cast<colmap::image_pair_t>(select.Int(0)),
-                       impl_->ReadPairGeometry(select));
+  PairGeometryCursor cursor(impl_->connection);
+  while (cursor.Step()) {
+    geometries.emplace_hint(
+        geometries.end(), cursor.PairId(), cursor.Geometry());
   }
   return geometries;
 }
 
-void DepthDatabase::DeletePairGeometries() {
+std::vector<std::pair<colmap::image_pair_t, uint64_t>>
+DepthDatabase::ReadPairFingerprints() const {
+  std::vector<std::pair<colmap::image_pair_t, uint64_t>> fingerprints;
+  if (!impl_->HasTables()) return fingerprints;
+  SqliteStatement select(impl_->connection,
+                         "SELECT pair_id, fingerprint "
+                         "FROM dgsfm_pair_geometries ORDER BY pair_id");
+  while (select.Step()) {
+    fingerprints.emplace_back(static_cast<colmap::image_pair_t>(select.Int(0)),
+                              static_cast<uint64_t>(select.Int(1)));
+  }
+  return fingerprints;
+}
+
+PairTotals DepthDatabase::ReadPairTotals() const {
+  PairTotals totals;
+  if (!impl_->HasTables()) return totals;
+  SqliteStatement select(impl_->connection,
+                         "SELECT status, degeneracies, count(*) "
+                         "FROM dgsfm_pair_geometries GROUP BY 1, 2");
+  while (select.Step()) {
+    totals.Add(static_cast<PairStatus>(select.Int(0)),
+               static_cast<uint32_t>(select.Int(1)),
+               static_cast<size_t>(select.Int(2)));
+  }
+  return totals;
+}
+
+void DepthDatabase::DeletePairGeometries(
+    const std::vector<colmap::image_pair_t>& pair_ids) {
+  impl_->RunWrite([&] {
+    SqliteStatement remove(
+        impl_->connection,
+        "DELETE FROM dgsfm_pair_geometries WHERE pair_id = ?");
+    for (const colmap::image_pair_t pair_id : pair_ids) {
+      remove.BindInt(1, static_cast<int64_t>(pair_id)).Run();
+    }
+  });
+}
+
+void DepthDatabase::DeleteAllPairGeometries() {
   impl_->RunWrite(
       [&] { impl_->connection.Execute("DELETE FROM dgsfm_pair_geometries"); });
 }

@@ -14,6 +14,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace dgsfm {
@@ -27,7 +28,9 @@ class DepthDatabase {
 
   // The file must exist and be a COLMAP database. Without our tables it is
   // read as one without priors; the first write creates them, so that opening
-  // alone changes nothing. Another version of our tables is refused.
+  // alone changes nothing. Tables of an older version are brought up to date
+  // when opened for writing: depth stays, pair geometries go. Otherwise
+  // another version is refused, with the remedy.
   DepthDatabase(const std::string& path,
                 Mode mode,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
@@ -56,7 +59,13 @@ class DepthDatabase {
   // Leaves out pairs whose images have been deleted since. Throws if inliers
   // refer to key points that are gone, naming the pair and the remedy.
   std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries() const;
-  void DeletePairGeometries();
+  // Of all rows, by increasing pair id.
+  std::vector<std::pair<colmap::image_pair_t, uint64_t>> ReadPairFingerprints()
+      const;
+  // Of all rows.
+  PairTotals ReadPairTotals() const;
+  void DeletePairGeometries(const std::vector<colmap::image_pair_t>& pair_ids);
+  void DeleteAllPairGeometries();
 
   // Makes all writes until CommitTransaction() one transaction; without the
   // commit the destructor undoes them.

@@ -75,30 +75,31 @@ void CheckGridSize(uint64_t width, uint64_t height) {
                            std::to_string(kMaxDepthMapSize));
 }
 
-DepthGrid ReadNpz(const std::string& path) {
+std::optional<DepthGrid> ReadNpz(const std::string& path,
+                                 const std::string& array_name) {
+  const std::string array = "the array " + array_name;
   const auto archive = OpenArchive(path);
   zip_stat_t stat;
   zip_stat_init(&stat);
-  if (zip_stat(archive.get(), "depth.npy", 0, &stat) != 0) {
-    throw std::runtime_error("no array named depth in the NumPy archive");
+  if (zip_stat(archive.get(), (array_name + ".npy").c_str(), 0, &stat) != 0) {
+    return std::nullopt;
   }
   constexpr zip_uint64_t kNeeded =
       ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
   if ((stat.valid & kNeeded) != kNeeded ||
       (stat.comp_method != ZIP_CM_STORE &&
        stat.comp_method != ZIP_CM_DEFLATE)) {
-    throw std::runtime_error("the array depth is neither stored nor deflated");
+    throw std::runtime_error(array + " is neither stored nor deflated");
   }
   if (stat.size > kMaxFileBytes ||
       stat.size / kMaxDeflateRatio > stat.comp_size) {
-    throw std::runtime_error("the array depth has an impossible size of " +
+    throw std::runtime_error(array + " has an impossible size of " +
                              std::to_string(stat.size) + " bytes");
   }
   const std::unique_ptr<zip_file_t, ZipCloser> file(
       zip_fopen_index(archive.get(), stat.index, 0));
   if (file == nullptr) {
-    throw std::runtime_error(std::string("the array depth: ") +
-                             zip_strerror(archive.get()));
+    throw std::runtime_error(array + ": " + zip_strerror(archive.get()));
   }
   std::vector<uint8_t> bytes(stat.size);
   const zip_int64_t num_read =
@@ -107,8 +108,8 @@ DepthGrid ReadNpz(const std::string& path) {
   uint8_t extra = 0;
   if (num_read < 0 || zip_fread(file.get(), &extra, 1) != 0 ||
       static_cast<uint64_t>(num_read) != stat.size) {
-    throw std::runtime_error(std::string("the array depth is damaged: ") +
-                             zip_file_strerror(file.get()));
+    throw std::runtime_error(array +
+                             " is damaged: " + zip_file_strerror(file.get()));
   }
   return ParseNpy(bytes);
 }

@@ -11,6 +11,7 @@
 #include "colmap_ext/depth_map.h"
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,8 +39,10 @@ void CheckGridSize(uint64_t width, uint64_t height);
 // width after removing leading, then trailing, dimensions of size 1.
 DepthGrid ParseNpy(const std::vector<uint8_t>& bytes);
 
-// The array `depth` of a NumPy archive, stored or deflated.
-DepthGrid ReadNpz(const std::string& path);
+// An array of a NumPy archive, stored or deflated; nothing if there is none of
+// that name.
+std::optional<DepthGrid> ReadNpz(const std::string& path,
+                                 const std::string& array_name);
 
 // Portable float map of one channel ("Pf"). Byte order by the sign of its
 // scale, whose size is ignored, as every reader does.

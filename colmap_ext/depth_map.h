@@ -40,6 +40,8 @@ struct DepthMap {
 struct KeypointDepths {
   DepthUnit unit = DepthUnit::METRIC;
   std::vector<float> depths;
+  // Focal length of the image by the depth model [px of the image]; 0 unknown.
+  double focal_length_px = 0;
 };
 
 struct DepthSamplingOptions {

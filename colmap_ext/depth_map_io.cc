@@ -44,7 +44,10 @@ std::vector<uint8_t> ReadFile(const std::string& path) {
 DepthGrid ReadGrid(const std::string& path) {
   const std::string extension = std::filesystem::path(path).extension();
   if (extension == ".npy") return internal::ParseNpy(ReadFile(path));
-  if (extension == ".npz") return internal::ReadNpz(path);
+  if (extension == ".npz") {
+    if (auto grid = internal::ReadNpz(path, "depth")) return std::move(*grid);
+    throw std::runtime_error("no array named depth in the NumPy archive");
+  }
   if (extension == ".pfm") return internal::ParsePfm(ReadFile(path));
   if (extension == ".png") return internal::ParsePng(ReadFile(path));
   throw std::runtime_error("the extension '" + extension +
@@ -118,6 +121,34 @@ DepthMap ConvertGrid(DepthGrid grid,
   return depth_map;
 }
 
+// Mean focal length [px of the image] of the depth model's camera matrix, in
+// units of the map's size or, if the principal point says so, of the map's
+// pixels.
+double FocalLengthOfIntrinsics(const DepthGrid& intrinsics,
+                               const DepthMap& depth_map,
+                               const colmap::Camera& camera) {
+  if (intrinsics.width != 3 || intrinsics.height != 3) {
+    throw std::runtime_error("the array intrinsics is no 3 x 3 matrix");
+  }
+  const double fx = intrinsics.values[0];
+  const double fy = intrinsics.values[4];
+  const bool is_normalized =
+      intrinsics.values[2] <= 1 && intrinsics.values[5] <= 1;
+  const double focal_length_px =
+      0.5 * (fx / (is_normalized ? 1 : depth_map.width) * camera.Width() +
+             fy / (is_normalized ? 1 : depth_map.height) * camera.Height());
+  if (!(fx > 0 && fy > 0 && std::isfinite(focal_length_px))) {
+    throw std::runtime_error(
+        "the array intrinsics has no positive focal length");
+  }
+  return focal_length_px;
+}
+
+// A matrix that some networks write for want of one.
+bool IsIdentity(const DepthGrid& grid) {
+  return grid.values == std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1};
+}
+
 }  // namespace
 
 bool DepthReadOptions::IsValid(std::string* error) const {
@@ -148,6 +179,19 @@ DepthMap ReadDepthMap(const std::string& path,
       << "camera " << camera.CameraId();
   try {
     return ConvertGrid(ReadGrid(path), camera, options);
+  } catch (const std::runtime_error& failure) {
+    throw std::runtime_error("depth map " + path + ": " + failure.what());
+  }
+}
+
+double ReadDepthFocalLength(const std::string& path,
+                            const DepthMap& depth_map,
+                            const colmap::Camera& camera) {
+  if (std::filesystem::path(path).extension() != ".npz") return 0;
+  try {
+    const auto intrinsics = internal::ReadNpz(path, "intrinsics");
+    if (!intrinsics || IsIdentity(*intrinsics)) return 0;
+    return FocalLengthOfIntrinsics(*intrinsics, depth_map, camera);
   } catch (const std::runtime_error& failure) {
     throw std::runtime_error("depth map " + path + ": " + failure.what());
   }

@@ -58,6 +58,16 @@ DepthMap ReadDepthMap(const std::string& path,
                       const colmap::Camera& camera,
                       const DepthReadOptions& options);
 
+// Focal length that the depth model saw in the image [px of the image], 0 if
+// the file of the depth map says nothing: the mean of fx and fy of the array
+// `intrinsics` of a NumPy archive, a camera matrix in units of the map's width
+// and height, as MoGe has it, or in pixels of the map; an identity matrix
+// counts as none. Throws std::runtime_error naming the file if the array is
+// damaged or no camera matrix.
+double ReadDepthFocalLength(const std::string& path,
+                            const DepthMap& depth_map,
+                            const colmap::Camera& camera);
+
 // Write z-depth, unknown as 0. Throw std::runtime_error naming the file.
 // Half-precision floats overflow to infinity, that is to unknown, from 65520.
 enum class NpyPrecision { HALF, SINGLE };

@@ -1,6 +1,6 @@
 #include "colmap_ext/pair_geometry.h"
 
-#include "colmap_ext/check.h"
+#include <stdexcept>
 
 namespace dgsfm {
 
@@ -26,32 +26,57 @@ std::string PairStatusName(PairStatus status) {
       return "low_triplet_support";
     case PairStatus::ROTATION_OUTLIER:
       return "rotation_outlier";
+    case PairStatus::STATIONARY:
+      return "stationary";
   }
   throw std::invalid_argument("unknown pair status " +
                               std::to_string(static_cast<int>(status)));
 }
 
-PairGeometry PairGeometry::Inverse() const {
-  DGSFM_CHECK(scale_1_from_2 > 0) << "scale_1_from_2 = " << scale_1_from_2;
-  PairGeometry inverse = *this;
-  if (has_scale) {
-    inverse.cam2_from_cam1 = InverseScaledPose(cam2_from_cam1, scale_1_from_2);
-    inverse.scale_1_from_2 = 1 / scale_1_from_2;
-  } else {
-    inverse.cam2_from_cam1 = cam2_from_cam1.Inverse();
+const std::vector<PairDegeneracy>& PairDegeneracies() {
+  static const std::vector<PairDegeneracy> kAll = {
+      PairDegeneracy::PLANAR,
+      PairDegeneracy::ROTATION_ONLY,
+      PairDegeneracy::STATIONARY,
+      PairDegeneracy::WEAK_FOCAL1,
+      PairDegeneracy::WEAK_FOCAL2};
+  return kAll;
+}
+
+std::string PairDegeneracyName(PairDegeneracy degeneracy) {
+  switch (degeneracy) {
+    case PairDegeneracy::PLANAR:
+      return "planar";
+    case PairDegeneracy::ROTATION_ONLY:
+      return "rotation_only";
+    case PairDegeneracy::STATIONARY:
+      return "stationary";
+    case PairDegeneracy::WEAK_FOCAL1:
+      return "weak_focal1";
+    case PairDegeneracy::WEAK_FOCAL2:
+      return "weak_focal2";
   }
-  std::swap(inverse.focal_length1_px, inverse.focal_length2_px);
-  std::swap(inverse.estimated_focal1, inverse.estimated_focal2);
-  for (colmap::FeatureMatch& match : inverse.inlier_matches) {
-    std::swap(match.point2D_idx1, match.point2D_idx2);
+  throw std::invalid_argument(
+      "unknown pair degeneracy " +
+      std::to_string(static_cast<uint32_t>(degeneracy)));
+}
+
+void PairTotals::Add(PairStatus status, uint32_t degeneracies, size_t count) {
+  num_with_status[status] += count;
+  if (status != PairStatus::VALID) return;
+  for (const PairDegeneracy degeneracy : PairDegeneracies()) {
+    if (degeneracies & static_cast<uint32_t>(degeneracy)) {
+      num_valid_with_degeneracy[degeneracy] += count;
+    }
   }
-  return inverse;
 }
 
 void PairGeometry::DropScale() {
   has_scale = false;
   scale_1_from_2 = 1;
   cam2_from_cam1.translation.stableNormalize();
+  covariance.middleRows<4>(3).setZero();
+  covariance.middleCols<4>(3).setZero();
 }
 
 }  // namespace dgsfm

@@ -10,7 +10,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -29,10 +29,28 @@ enum class PairStatus : int {
   LOW_PAIR_SCORE = 7,      // imported score (Doppelgangers++)
   LOW_TRIPLET_SUPPORT = 8,
   ROTATION_OUTLIER = 9,
+  STATIONARY = 10,  // the matches do not move, as those of a watermark
 };
 
 // Name as in logs and report.json, e.g. "too_few_inliers".
 std::string PairStatusName(PairStatus status);
+
+// What the matches of a pair cannot tell: bits of PairGeometry::degeneracies,
+// of which a pair may have several. The numbers are stored in databases:
+// append, never renumber.
+enum class PairDegeneracy : uint32_t {
+  PLANAR = 1,         // a homography explains the inliers
+  ROTATION_ONLY = 2,  // the translation cannot be told from zero
+  STATIONARY = 4,     // the inliers do not move between the images
+  WEAK_FOCAL1 = 8,    // focal length 1 is neither known nor determined
+  WEAK_FOCAL2 = 16,
+};
+
+// All of the above.
+const std::vector<PairDegeneracy>& PairDegeneracies();
+
+// Name as in logs and report.json, e.g. "rotation_only".
+std::string PairDegeneracyName(PairDegeneracy degeneracy);
 
 struct PairGeometry {
   PairStatus status = PairStatus::NO_GEOMETRY;
@@ -49,6 +67,11 @@ struct PairGeometry {
   // Whether the pair itself estimated the focal length, i.e. it is evidence.
   bool estimated_focal1 = false;
   bool estimated_focal2 = false;
+  uint32_t degeneracies = 0;
+  // Covariance of, in this order: rotation w [rad] (R <- exp(w) R), translation
+  // [its unit], log scale_1_from_2, log focal length 1, log focal length 2; all
+  // zero if unknown. Rows of what is given, or has no meaning, are zero.
+  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
   // Matches put into the estimation.
   size_t num_matches = 0;
   // Matches that agree with the relative pose, and (same length) whether both
@@ -57,11 +80,26 @@ struct PairGeometry {
   // filtered.
   colmap::FeatureMatches inlier_matches;
   std::vector<uint8_t> depth_verified;
+  // Of all that the geometry was computed from, by which a later run knows
+  // whether it still holds; 0 if unknown.
+  uint64_t fingerprint = 0;
 
-  // The same pair seen from image 2: R^T, -R^T t / s, 1 / s, points swapped.
-  PairGeometry Inverse() const;
+  bool Has(PairDegeneracy degeneracy) const {
+    return degeneracies & static_cast<uint32_t>(degeneracy);
+  }
+  void Set(PairDegeneracy degeneracy) {
+    degeneracies |= static_cast<uint32_t>(degeneracy);
+  }
   // Makes it a pair without scale.
   void DropScale();
+};
+
+// How many pairs there are of each kind; kinds without any are left out.
+struct PairTotals {
+  std::map<PairStatus, size_t> num_with_status;
+  std::map<PairDegeneracy, size_t> num_valid_with_degeneracy;
+
+  void Add(PairStatus status, uint32_t degeneracies, size_t count);
 };
 
 }  // namespace dgsfm

@@ -2,13 +2,12 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/colmap_schema.h"
+#include "colmap_ext/match_reader.h"
 
 #include <colmap/base/camera_models.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 
 namespace dgsfm {
 namespace {
@@ -37,29 +36,6 @@ std::string CameraModelDescription(int64_t model_id) {
   return description;
 }
 
-bool IsLess(const colmap::FeatureMatch& a, const colmap::FeatureMatch& b) {
-  return a.point2D_idx1 != b.point2D_idx1 ? a.point2D_idx1 < b.point2D_idx1
-                                          : a.point2D_idx2 < b.point2D_idx2;
-}
-
-// Keeps the first of equal matches and the order.
-void RemoveDuplicates(colmap::FeatureMatches* matches) {
-  const auto is_not_less = [](const auto& a, const auto& b) {
-    return !IsLess(a, b);
-  };
-  // COLMAP writes matches in ascending order: nothing to do, usually.
-  if (std::adjacent_find(matches->begin(), matches->end(), is_not_less) ==
-      matches->end()) {
-    return;
-  }
-  std::set<std::pair<colmap::point2D_t, colmap::point2D_t>> seen;
-  const auto is_duplicate = [&seen](const colmap::FeatureMatch& match) {
-    return !seen.emplace(match.point2D_idx1, match.point2D_idx2).second;
-  };
-  matches->erase(std::remove_if(matches->begin(), matches->end(), is_duplicate),
-                 matches->end());
-}
-
 // Reads the tables in an order in which each can be checked against the ones
 // before.
 class SceneReader {
@@ -81,13 +57,9 @@ class SceneReader {
 
  private:
   void ReadAllMatches() {
-    scene_.verified_matches = ReadMatches(
-        "SELECT pair_id, rows, cols, data FROM two_view_geometries "
-        // Calibrated, uncalibrated, planar, panoramic, planar or panoramic,
-        // calibrated rig; the others are failures, watermarks and mixtures.
-        "WHERE rows != 0 AND config IN (2, 3, 4, 5, 6, 9)");
-    scene_.matches = ReadMatches(
-        "SELECT pair_id, rows, cols, data FROM matches WHERE rows != 0");
+    const MatchReader reader(connection_, scene_);
+    scene_.verified_matches = reader.ReadAllVerified();
+    scene_.matches = reader.ReadAllPutative();
     scene_.matches.insert(scene_.verified_matches.begin(),
                           scene_.verified_matches.end());
   }
@@ -216,7 +188,7 @@ class SceneReader {
       throw connection_.Error() << "image " << name << ": key points have "
                                 << num_cols << " columns, not 2, 4 or 6";
     }
-    if (!IsSize(num_rows, num_cols, data.size())) {
+    if (!IsBlobSize(num_rows, num_cols, data.size())) {
       throw connection_.Error()
           << "image " << name << ": " << num_rows << " x " << num_cols
           << " key point values announced, " << data.size() << " stored";
@@ -232,85 +204,6 @@ class SceneReader {
       }
     }
     return points;
-  }
-
-  // The query returns pair_id, rows, cols, data.
-  std::map<colmap::image_pair_t, colmap::FeatureMatches> ReadMatches(
-      const std::string& query) const {
-    std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
-    SqliteStatement select(connection_, query);
-    while (select.Step()) {
-      const colmap::image_pair_t pair_id = CheckedPairId(select.Int(0));
-      matches.emplace_hint(
-          matches.end(), pair_id, ReadMatchesOfPair(select, pair_id));
-    }
-    return matches;
-  }
-
-  colmap::image_pair_t CheckedPairId(int64_t pair_id) const {
-    constexpr int64_t kMaxPairId = kMaxNumImages * kMaxNumImages;
-    if (pair_id < 0 || pair_id >= kMaxPairId) {
-      throw connection_.Error() << "pair id " << pair_id << " is out of range";
-    }
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    for (const colmap::image_t image_id : {image_id1, image_id2}) {
-      if (scene_.images.count(image_id) == 0) {
-        throw connection_.Error()
-            << "matches of pair " << pair_id << " are between images "
-            << image_id1 << " and " << image_id2 << ", but there is no image "
-            << image_id << "; match again into a fresh database";
-      }
-    }
-    if (image_id1 >= image_id2) {
-      throw connection_.Error()
-          << "pair id " << pair_id << " stands for images " << image_id1
-          << " and " << image_id2 << ", which are not in ascending order";
-    }
-    return pair_id;
-  }
-
-  colmap::FeatureMatches ReadMatchesOfPair(const SqliteStatement& row,
-                                           colmap::image_pair_t pair_id) const {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    const colmap::Image& image1 = scene_.images.at(image_id1);
-    const colmap::Image& image2 = scene_.images.at(image_id2);
-    const std::string pair = "pair " + image1.Name() + " - " + image2.Name();
-    const int64_t num_rows = row.Int(1);
-    const int64_t num_cols = row.Int(2);
-    const std::vector<uint32_t> data = row.Blob<uint32_t>(3);
-    if (num_cols != 2 || !IsSize(num_rows, num_cols, data.size())) {
-      throw connection_.Error()
-          << pair << ": " << num_rows << " x " << num_cols
-          << " match values announced, " << data.size() << " stored";
-    }
-    colmap::FeatureMatches matches(num_rows);
-    for (int64_t i = 0; i < num_rows; ++i) {
-      matches[i] = colmap::FeatureMatch(data[2 * i], data[2 * i + 1]);
-      CheckIndex(pair, image1, matches[i].point2D_idx1);
-      CheckIndex(pair, image2, matches[i].point2D_idx2);
-    }
-    RemoveDuplicates(&matches);
-    return matches;
-  }
-
-  void CheckIndex(const std::string& pair,
-                  const colmap::Image& image,
-                  colmap::point2D_t point2D_idx) const {
-    if (point2D_idx < image.NumPoints2D()) return;
-    if (image.NumPoints2D() == 0) {
-      throw connection_.Error()
-          << "image " << image.Name() << " has no key points, but " << pair
-          << " has matches; extract and match features again";
-    }
-    throw connection_.Error()
-        << pair << ": a match refers to key point " << point2D_idx << " of "
-        << image.Name() << ", which has " << image.NumPoints2D()
-        << "; match features again";
-  }
-
-  static bool IsSize(int64_t num_rows, int64_t num_cols, size_t num_values) {
-    return num_rows >= 0 && num_values % num_cols == 0 &&
-           num_values / num_cols == static_cast<size_t>(num_rows);
   }
 
   const SqliteConnection& connection_;

@@ -206,26 +206,30 @@ std::optional<int> CommandOptions::Parse(int argc, char** argv) {
   return 0;
 }
 
-void CommandOptions::WriteProject(const std::string& path) const {
-  std::string ungrouped;
+std::string CommandOptions::ProjectText() const {
+  std::string text;
   std::map<std::string, std::string> groups;
   for (const Impl::Option& option : impl_->options) {
     const std::string value = option.to_text();
     if (value.find('\n') != std::string::npos) {
-      throw std::runtime_error("cannot write " + path + ": option " +
-                               option.name + " contains a line break");
+      throw std::runtime_error("option " + option.name +
+                               " contains a line break");
     }
     const size_t dot = option.name.find('.');
-    std::string& lines = dot == std::string::npos
-                             ? ungrouped
-                             : groups[option.name.substr(0, dot)];
+    std::string& lines =
+        dot == std::string::npos ? text : groups[option.name.substr(0, dot)];
     lines += option.name.substr(dot + 1) + "=" + Quote(value) + "\n";
   }
-  std::ofstream file(path);
-  file << ungrouped;
   for (const auto& [group, lines] : groups) {
-    file << "[" << group << "]\n" << lines;
+    text += "[" + group + "]\n" + lines;
   }
+  return text;
+}
+
+void CommandOptions::WriteProject(const std::string& path) const {
+  const std::string text = ProjectText();
+  std::ofstream file(path);
+  file << text;
   file.close();
   if (!file) throw std::runtime_error("cannot write project file " + path);
 }

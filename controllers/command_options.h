@@ -31,6 +31,9 @@ class CommandOptions {
   // does not parse, each with a message on stderr that names it.
   std::optional<int> Parse(int argc, char** argv);
 
+  // All options with their values, as a project file has them. Throws
+  // std::runtime_error if a value cannot be written there.
+  std::string ProjectText() const;
   // Writes all options with their values as a project file that
   // --project_path reads. Throws std::runtime_error if it cannot be written.
   void WriteProject(const std::string& path) const;

@@ -1,12 +1,19 @@
 #include "controllers/depth_geometric_verifier.h"
 
 #include "colmap_ext/depth_database.h"
+#include "colmap_ext/match_reader.h"
+#include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/commands.h"
 #include "controllers/progress.h"
+#include "estimators/option_check.h"
+#include "sfm/pair_fingerprint.h"
 #include "sfm/view_graph.h"
 
+#include <algorithm>
+#include <chrono>
 #include <iostream>
+#include <mutex>
 
 #include <glog/logging.h>
 
@@ -87,10 +94,152 @@ void BindVerification(PairVerificationOptions* options,
       "num_threads", &options->num_threads, "threads, -1 = all cores");
 }
 
+// All options that change results, with their values.
+std::string VerificationText(PairVerificationOptions options) {
+  options.num_threads = -1;
+  CommandOptions command_options("", "");
+  BindVerification(&options, &command_options);
+  return command_options.ProjectText();
+}
+
+// One run over a database.
+class DatabaseVerifier {
+ public:
+  DatabaseVerifier(const DepthGeometricVerifierOptions& options,
+                   const Scene& scene,
+                   const KeypointDepthMap& depths,
+                   DepthDatabase* database)
+      : options_(options),
+        options_text_(VerificationText(options.verification)),
+        scene_(scene),
+        depths_(depths),
+        connection_(options.database_path, SqliteConnection::Mode::READ_ONLY),
+        reader_(connection_, scene),
+        database_(database) {}
+
+  VerificationSummary Run() {
+    VerificationSummary summary;
+    std::vector<MatchReader::PairSize> pairs = reader_.ListPairs();
+    summary.num_kept = pairs.size();
+    summary.num_deleted = DropFinished(&pairs);
+    summary.num_kept -= pairs.size();
+    LOG(INFO) << summary.num_kept << " pairs are verified already, "
+              << summary.num_deleted
+              << " stored ones are deleted because their matches, depths or "
+                 "options have changed";
+    // The longest last would leave threads without work at the end.
+    std::stable_sort(
+        pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
+          return a.num_matches > b.num_matches;
+        });
+    Progress progress("Verifying pairs", pairs.size());
+    ParallelFor(pairs.size(), options_.verification.num_threads, [&](size_t i) {
+      VerifyAndStore(pairs[i].pair_id);
+      progress.Step();
+    });
+    StoreFinished();
+    summary.totals = database_->ReadPairTotals();
+    return summary;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  // Bounds the memory of pairs that wait to be stored.
+  static constexpr size_t kMaxNumFinished = 1000;
+
+  // Takes out the pairs, in the order of their ids, whose stored result holds.
+  // Deletes the other results and returns their number.
+  size_t DropFinished(std::vector<MatchReader::PairSize>* pairs) {
+    const auto stored = database_->ReadPairFingerprints();
+    std::vector<colmap::image_pair_t> stale;
+    auto next = stored.begin();
+    const auto is_finished = [&](const MatchReader::PairSize& pair) {
+      while (next != stored.end() && next->first < pair.pair_id) {
+        stale.push_back((next++)->first);
+      }
+      if (next == stored.end() || next->first != pair.pair_id) return false;
+      const uint64_t fingerprint = next++->second;
+      const bool holds =
+          !options_.restart &&
+          fingerprint == Fingerprint(pair.pair_id, reader_.Read(pair.pair_id));
+      if (!holds) stale.push_back(pair.pair_id);
+      return holds;
+    };
+    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_finished),
+                 pairs->end());
+    for (; next != stored.end(); ++next) stale.push_back(next->first);
+    database_->DeletePairGeometries(stale);
+    return stale.size();
+  }
+
+  uint64_t Fingerprint(colmap::image_pair_t pair_id,
+                       const colmap::FeatureMatches& matches) const {
+    return PairFingerprint(scene_, depths_, pair_id, matches, options_text_);
+  }
+
+  void VerifyAndStore(colmap::image_pair_t pair_id) {
+    colmap::FeatureMatches matches;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      matches = reader_.Read(pair_id);
+    }
+    PairGeometry pair =
+        VerifyPair(scene_, depths_, pair_id, matches, options_.verification);
+    pair.fingerprint = Fingerprint(pair_id, matches);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    finished_.emplace(pair_id, std::move(pair));
+    const std::chrono::duration<double> waited = Clock::now() - last_stored_;
+    if (waited.count() >= options_.checkpoint_interval_s ||
+        finished_.size() >= kMaxNumFinished) {
+      StoreFinished();
+    }
+  }
+
+  void StoreFinished() {
+    if (!finished_.empty()) database_->WritePairGeometries(finished_);
+    finished_.clear();
+    last_stored_ = Clock::now();
+  }
+
+  const DepthGeometricVerifierOptions& options_;
+  const std::string options_text_;
+  const Scene& scene_;
+  const KeypointDepthMap& depths_;
+  const SqliteConnection connection_;
+
+  // Guards the following.
+  std::mutex mutex_;
+  MatchReader reader_;
+  DepthDatabase* database_;
+  PairGeometries finished_;
+  Clock::time_point last_stored_ = Clock::now();
+};
+
 }  // namespace
+
+bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
+  return verification.IsValid(error) &&
+         CheckOption(checkpoint_interval_s >= 0,
+                     "checkpoint_interval_s must be >= 0",
+                     checkpoint_interval_s,
+                     error);
+}
 
 void BindOptions(DepthGeometricVerifierOptions* options,
                  CommandOptions* command_options) {
+  BindVerificationOptions(options, command_options);
+  command_options->Add("checkpoint_interval",
+                       &options->checkpoint_interval_s,
+                       "time after which finished pairs are stored [s]");
+  command_options->Add(
+      "restart",
+      &options->restart,
+      "verify all pairs again, not only those whose matches, depths or options "
+      "are new");
+}
+
+void BindVerificationOptions(DepthGeometricVerifierOptions* options,
+                             CommandOptions* command_options) {
   command_options->AddRequired(
       "database_path", &options->database_path, "COLMAP database");
   command_options->Add(
@@ -136,31 +285,26 @@ PairGeometries VerifyScenePairs(const Scene& scene,
   Progress progress("Verifying pairs", scene.matches.size());
   PairGeometries pairs =
       VerifyPairs(scene, depths, options, [&progress]() { progress.Step(); });
-  for (const auto& [status, count] : CountByStatus(pairs)) {
-    timer.Add(PairStatusName(status), double(count));
-  }
-  timer.Finish(stages);
+  timer.Add(CountPairs(pairs)).Finish(stages);
   return pairs;
 }
 
-void VerifyDatabasePairs(const DepthGeometricVerifierOptions& options) {
-  CheckOptions(options.verification);
-  std::vector<StageReport> stages;
-  const Scene scene = LoadScene(options, &stages);
-  const KeypointDepthMap depths = LoadDepths(options, &stages);
-  const PairGeometries pairs =
-      VerifyScenePairs(scene, depths, options.verification, &stages);
+VerificationSummary VerifyDatabasePairs(
+    const DepthGeometricVerifierOptions& options) {
+  CheckOptions(options);
   DepthDatabase database(options.database_path,
                          DepthDatabase::Mode::READ_WRITE);
-  database.BeginTransaction();
-  database.DeletePairGeometries();
-  database.WritePairGeometries(pairs);
-  database.CommitTransaction();
-  const std::map<PairStatus, size_t> counts = CountByStatus(pairs);
-  const auto valid = counts.find(PairStatus::VALID);
-  std::cout << "verified " << pairs.size() << " pairs, "
-            << (valid == counts.end() ? 0 : valid->second) << " valid"
-            << std::endl;
+  std::vector<StageReport> stages;
+  const Scene scene = ReadSceneWithoutMatches(options.database_path);
+  const KeypointDepthMap depths = LoadDepths(options, &stages);
+  StageTimer timer("pair_verification");
+  const VerificationSummary summary =
+      DatabaseVerifier(options, scene, depths, &database).Run();
+  timer.Add("kept", double(summary.num_kept))
+      .Add("deleted", double(summary.num_deleted))
+      .Add(summary.totals)
+      .Finish(&stages);
+  return summary;
 }
 
 int RunDepthGeometricVerifier(int argc, char** argv) {
@@ -172,7 +316,13 @@ int RunDepthGeometricVerifier(int argc, char** argv) {
   if (const auto exit_code = command_options.Parse(argc, argv)) {
     return *exit_code;
   }
-  VerifyDatabasePairs(options);
+  const PairTotals totals = VerifyDatabasePairs(options).totals;
+  size_t num_pairs = 0;
+  for (const auto& [status, count] : totals.num_with_status) num_pairs += count;
+  const auto valid = totals.num_with_status.find(PairStatus::VALID);
+  std::cout << "verified " << num_pairs << " pairs, "
+            << (valid == totals.num_with_status.end() ? 0 : valid->second)
+            << " valid" << std::endl;
   return 0;
 }
 

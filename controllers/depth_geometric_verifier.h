@@ -17,11 +17,21 @@ struct DepthGeometricVerifierOptions {
   PairVerificationOptions verification;
   // Ignore the depth priors: pairs are estimated as without depth.
   bool use_depth = true;
+  // Finished pairs are stored about this often [s]: what a run that is broken
+  // off loses.
+  double checkpoint_interval_s = 5;
+  // Verify all pairs again, also those whose stored result still holds.
+  bool restart = false;
+
+  bool IsValid(std::string* error) const;
 };
 
 // Binds all options; call before parsing.
 void BindOptions(DepthGeometricVerifierOptions* options,
                  CommandOptions* command_options);
+// Binds those that say what is verified and how.
+void BindVerificationOptions(DepthGeometricVerifierOptions* options,
+                             CommandOptions* command_options);
 
 // Key point depths of the database; none, with a warning, where there are no
 // priors or they are not to be used.
@@ -38,8 +48,29 @@ PairGeometries VerifyScenePairs(const Scene& scene,
                                 const PairVerificationOptions& options,
                                 std::vector<StageReport>* stages);
 
+struct VerificationSummary {
+  // Over all pairs of the database.
+  PairTotals totals;
+  // Pairs whose stored result still held.
+  size_t num_kept = 0;
+  // Stored results that did not hold any more, or whose pair is gone.
+  size_t num_deleted = 0;
+};
+
 // Verifies all pairs of the database with depth and stores the result in it.
-// Throws std::runtime_error on unusable input; the database is then unchanged.
-void VerifyDatabasePairs(const DepthGeometricVerifierOptions& options);
+//
+// A run that was broken off goes on where it stopped: a pair whose stored
+// result has the fingerprint of what it is verified from now (matches, points,
+// depths, cameras, options) is done. Results that do not hold any more are
+// deleted first, so that the database never holds those of other options. What
+// is stored at the end depends neither on threads nor on interruptions.
+//
+// The longest pairs are verified first. Matches are read and results written
+// on the way: a pair costs 16 bytes of memory, besides those in work.
+//
+// Throws std::runtime_error on unusable input; pairs that were stored until
+// then stay.
+VerificationSummary VerifyDatabasePairs(
+    const DepthGeometricVerifierOptions& options);
 
 }  // namespace dgsfm

@@ -98,8 +98,8 @@ ImageDepth ReadImageDepth(const std::string& depth_path,
                           const colmap::Image& image,
                           const colmap::Camera& camera,
                           const DepthImportOptions& options) {
-  const DepthMap depth_map = ReadDepthMap(
-      (fs::path(depth_path) / file).string(), camera, options.reading);
+  const std::string path = (fs::path(depth_path) / file).string();
+  const DepthMap depth_map = ReadDepthMap(path, camera, options.reading);
   std::vector<Eigen::Vector2d> keypoints;
   keypoints.reserve(image.NumPoints2D());
   for (const colmap::Point2D& point2D : image.Points2D()) {
@@ -118,7 +118,10 @@ ImageDepth ReadImageDepth(const std::string& depth_path,
   result.summary.num_keypoints_with_depth = std::count_if(
       depths.begin(), depths.end(), [](float depth) { return depth > 0; });
   result.depth_map = CompressDepth(depth_map);
-  result.keypoint_depths = {options.reading.unit, std::move(depths)};
+  result.keypoint_depths = {options.reading.unit,
+                            std::move(depths),
+                            ReadDepthFocalLength(path, depth_map, camera)};
+  result.summary.focal_length_px = result.keypoint_depths.focal_length_px;
   return result;
 }
 
@@ -201,7 +204,11 @@ std::string DepthImportSummary::ToText() const {
          << image.num_keypoints_with_depth << " of " << image.num_keypoints
          << " key points with depth ("
          << Percentage(image.num_keypoints_with_depth, image.num_keypoints)
-         << " %)\n";
+         << " %)";
+    if (image.focal_length_px > 0) {
+      text << ", focal length " << image.focal_length_px << " px";
+    }
+    text << "\n";
     num_keypoints += image.num_keypoints;
     num_keypoints_with_depth += image.num_keypoints_with_depth;
   }
@@ -240,7 +247,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
   DepthImportSummary summary;
   summary.imported =
       ImportFiles(scene, file_of_image, depth_path, options, &database);
-  database.DeletePairGeometries();
+  database.DeleteAllPairGeometries();
   database.CommitTransaction();
 
   std::set<std::string> used_files;

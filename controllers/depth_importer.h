@@ -30,6 +30,7 @@ struct DepthImportSummary {
     double coverage = 0;  // share of map pixels with known depth
     size_t num_keypoints = 0;
     size_t num_keypoints_with_depth = 0;
+    double focal_length_px = 0;  // by the depth model, 0 = unknown
   };
 
   // All lists are in the order of image ids, or sorted.
@@ -50,6 +51,9 @@ struct DepthImportSummary {
 // The map of an image lies in the same sub-folder as the image and is called
 // like it with or without its extension: for image sub/a.jpg sub/a.jpg.npy or
 // sub/a.npy, or another of DepthFileExtensions().
+//
+// The focal length that comes with a map (see ReadDepthFocalLength) is stored
+// with it; it is a soft prior where the camera has none.
 //
 // Maps replace those of an earlier import; images without a file keep theirs.
 // Pair geometries are deleted, because they are relative to the depth maps

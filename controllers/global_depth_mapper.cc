@@ -105,14 +105,13 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   PairGeometries pairs;
   for (const auto& [pair_id, matches] : scene.matches) {
     const auto it = stored.find(pair_id);
-    if (it == stored.end()) {
+    if (it == stored.end() || it->second.num_matches != matches.size()) {
       const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-      throw std::runtime_error(
-          options_.verifier.database_path + ": the pair " +
-          scene.images.at(image_id1).Name() + ", " +
-          scene.images.at(image_id2).Name() +
-          " was matched after the verification: run depth_geometric_verifier "
-          "again");
+      throw std::runtime_error(options_.verifier.database_path + ": the pair " +
+                               scene.images.at(image_id1).Name() + ", " +
+                               scene.images.at(image_id2).Name() +
+                               " is not verified as it is matched now: run "
+                               "depth_geometric_verifier");
     }
     pairs[pair_id] = std::move(it->second);
   }

@@ -131,7 +131,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
 
 void BindOptions(GlobalDepthMapperOptions* options,
                  CommandOptions* command_options) {
-  BindOptions(&options->verifier, command_options);
+  BindVerificationOptions(&options->verifier, command_options);
   command_options->Add("image_path",
                        &options->image_path,
                        "folder of the images, for colours; empty = none");

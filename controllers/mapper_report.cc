@@ -63,8 +63,12 @@ void WriteMapperReport(const std::string& path,
                        const DepthGlobalMapperResult& result) {
   Json report;
   report["stages"] = StageEntries(result.stages);
-  for (const auto& [status, count] : CountByStatus(pairs)) {
+  const PairTotals totals = CountPairs(pairs);
+  for (const auto& [status, count] : totals.num_with_status) {
     report["pairs"][PairStatusName(status)] = count;
+  }
+  for (const auto& [degeneracy, count] : totals.num_valid_with_degeneracy) {
+    report["degenerate_valid_pairs"][PairDegeneracyName(degeneracy)] = count;
   }
   report["models"] = Json::array();
   for (const auto& model : result.models) {

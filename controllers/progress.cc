@@ -24,25 +24,29 @@ struct Progress::Impl {
     return std::chrono::duration<double>(Clock::now() - start).count();
   }
 
+  double SecondsLeft() const {
+    return Seconds() * (total - num_done) / num_done;
+  }
+
   void ShowBar() const {
     const std::string full(30 * num_done / total, '=');
-    const double seconds_left = Seconds() * (total - num_done) / num_done;
     std::fprintf(stderr,
                  "\r%s [%-30s] %zu/%zu, %.0f s left \033[K",
                  label.c_str(),
                  full.c_str(),
                  num_done,
                  total,
-                 seconds_left);
+                 SecondsLeft());
   }
 
   void ShowLine() const {
     std::fprintf(stderr,
-                 "%s: %zu/%zu, %.1f s\n",
+                 "%s: %zu/%zu, %.1f s, %.0f s left\n",
                  label.c_str(),
                  num_done,
                  total,
-                 Seconds());
+                 Seconds(),
+                 SecondsLeft());
   }
 };
 

@@ -32,12 +32,6 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
       });
 }
 
-void AddCounts(const PairGeometries& pairs, StageTimer* timer) {
-  for (const auto& [status, count] : CountByStatus(pairs)) {
-    timer->Add(PairStatusName(status), double(count));
-  }
-}
-
 }  // namespace
 
 bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
@@ -113,7 +107,7 @@ void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
   if (!options_.skip_triplet_support) {
     FilterByTripletSupport(options_.view_graph, pairs);
   }
-  AddCounts(*pairs, &timer);
+  timer.Add(CountPairs(*pairs));
   timer.Finish(&result_.stages);
 }
 
@@ -151,7 +145,7 @@ void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
        VerifyPairs(calibrated, depths_, verification_)) {
     pairs->at(pair_id) = std::move(pair);
   }
-  AddCounts(*pairs, &reverification);
+  reverification.Add(CountPairs(*pairs));
   reverification.Finish(&result_.stages);
 }
 

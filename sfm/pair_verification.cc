@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace dgsfm {
 
@@ -20,15 +21,53 @@ uint64_t PairSeed(colmap::image_pair_t pair_id, int random_seed) {
   return x ^ (x >> 31);
 }
 
-// Image point as the two-view estimator wants it: undistorted if the camera
-// is known, otherwise relative to the principal point.
-Eigen::Vector2d CenteredPoint(const colmap::Camera& camera,
-                              const Eigen::Vector2d& xy_px) {
-  if (camera.HasPriorFocalLength()) {
-    return camera.MeanFocalLength() * camera.ImageToWorld(xy_px);
+// Larger angles between ray and optical axis do not go with z-depth and image
+// planes: tangent of 84 degrees.
+constexpr double kMaxRayTangent = 10;
+// Up to this the iterative undistortion has converged [px].
+constexpr double kMaxUndistortionError = 0.1;
+
+// An image point as the two-view estimator wants it (see DepthMatches).
+struct CenteredPoint {
+  Eigen::Vector2d point;
+  Eigen::Matrix2d pixel_jacobian = Eigen::Matrix2d::Identity();
+};
+
+// Undistorted if the camera is known, otherwise relative to the principal
+// point. Nothing where the camera model has no ray in front of the camera.
+std::optional<CenteredPoint> CenterPoint(const colmap::Camera& camera,
+                                         const Eigen::Vector2d& xy_px) {
+  CenteredPoint centered;
+  if (!camera.HasPriorFocalLength()) {
+    centered.point = xy_px - Eigen::Vector2d(camera.PrincipalPointX(),
+                                             camera.PrincipalPointY());
+    return centered;
   }
-  return xy_px -
-         Eigen::Vector2d(camera.PrincipalPointX(), camera.PrincipalPointY());
+  const double focal_length_px = camera.MeanFocalLength();
+  const Eigen::Vector2d ray = camera.ImageToWorld(xy_px);
+  // Written so that NaN fails.
+  if (!(ray.norm() <= kMaxRayTangent) ||
+      !((camera.WorldToImage(ray) - xy_px).norm() <= kMaxUndistortionError)) {
+    return std::nullopt;
+  }
+  centered.point = focal_length_px * ray;
+  constexpr double kStep = 1e-6;
+  for (int k = 0; k < 2; ++k) {
+    const Eigen::Vector2d step = kStep * Eigen::Vector2d::Unit(k);
+    centered.pixel_jacobian.col(k) =
+        (camera.WorldToImage(ray + step) - camera.WorldToImage(ray - step)) /
+        (2 * kStep * focal_length_px);
+  }
+  return centered;
+}
+
+bool IsIdentity(const std::vector<Eigen::Matrix2d>& matrices) {
+  // Beyond the rounding of numeric derivatives.
+  constexpr double kTolerance = 1e-6;
+  return std::all_of(
+      matrices.begin(), matrices.end(), [&](const Eigen::Matrix2d& matrix) {
+        return matrix.isIdentity(kTolerance);
+      });
 }
 
 double KeypointDepth(const KeypointDepthMap& depths,
@@ -39,24 +78,49 @@ double KeypointDepth(const KeypointDepthMap& depths,
   return it->second.depths.at(point2D_idx);
 }
 
-DepthMatches CollectMatches(const colmap::Image& image1,
-                            const colmap::Image& image2,
-                            const colmap::Camera& camera1,
-                            const colmap::Camera& camera2,
-                            const KeypointDepthMap& depths,
-                            const colmap::FeatureMatches& matches) {
-  DepthMatches result;
+// Those of the matches that have rays in both images, and these for the
+// estimator.
+struct UsableMatches {
+  colmap::FeatureMatches matches;
+  DepthMatches depth_matches;
+};
+
+UsableMatches CollectMatches(const colmap::Image& image1,
+                             const colmap::Image& image2,
+                             const colmap::Camera& camera1,
+                             const colmap::Camera& camera2,
+                             const KeypointDepthMap& depths,
+                             const colmap::FeatureMatches& matches) {
+  UsableMatches usable;
+  DepthMatches& data = usable.depth_matches;
   for (const colmap::FeatureMatch& match : matches) {
-    result.points1.push_back(
-        CenteredPoint(camera1, image1.Point2D(match.point2D_idx1).XY()));
-    result.points2.push_back(
-        CenteredPoint(camera2, image2.Point2D(match.point2D_idx2).XY()));
-    result.depths1.push_back(
+    const auto point1 =
+        CenterPoint(camera1, image1.Point2D(match.point2D_idx1).XY());
+    const auto point2 =
+        CenterPoint(camera2, image2.Point2D(match.point2D_idx2).XY());
+    if (!point1 || !point2) continue;
+    usable.matches.push_back(match);
+    data.points1.push_back(point1->point);
+    data.points2.push_back(point2->point);
+    data.pixel_jacobians1.push_back(point1->pixel_jacobian);
+    data.pixel_jacobians2.push_back(point2->pixel_jacobian);
+    data.depths1.push_back(
         KeypointDepth(depths, image1.ImageId(), match.point2D_idx1));
-    result.depths2.push_back(
+    data.depths2.push_back(
         KeypointDepth(depths, image2.ImageId(), match.point2D_idx2));
   }
-  return result;
+  // The estimator is faster without.
+  if (IsIdentity(data.pixel_jacobians1) && IsIdentity(data.pixel_jacobians2)) {
+    data.pixel_jacobians1.clear();
+    data.pixel_jacobians2.clear();
+  }
+  return usable;
+}
+
+double DepthModelFocal(const KeypointDepthMap& depths,
+                       colmap::image_t image_id) {
+  const auto it = depths.find(image_id);
+  return it == depths.end() ? 0 : it->second.focal_length_px;
 }
 
 FocalCase FocalCaseOfPair(const colmap::Camera& camera1,
@@ -99,6 +163,26 @@ void SelectMatches(const TwoViewDepthResult& result,
   }
 }
 
+void CopyGeometry(const TwoViewDepthResult& result, PairGeometry* pair) {
+  pair->cam2_from_cam1 = result.cam2_from_cam1;
+  pair->has_scale = result.has_scale;
+  pair->scale_1_from_2 = result.scale_1_from_2;
+  pair->focal_length1_px = result.focal_length1_px;
+  pair->focal_length2_px = result.focal_length2_px;
+  pair->estimated_focal1 = result.estimated_focal1;
+  pair->estimated_focal2 = result.estimated_focal2;
+  if (result.has_covariance) {
+    // Symmetric to the last bit, as it is stored.
+    pair->covariance = result.covariance.selfadjointView<Eigen::Lower>();
+  }
+  const TwoViewDegeneracy& degeneracy = result.degeneracy;
+  if (degeneracy.planar) pair->Set(PairDegeneracy::PLANAR);
+  if (degeneracy.rotation_only) pair->Set(PairDegeneracy::ROTATION_ONLY);
+  if (degeneracy.stationary) pair->Set(PairDegeneracy::STATIONARY);
+  if (!degeneracy.focal_identifiable1) pair->Set(PairDegeneracy::WEAK_FOCAL1);
+  if (!degeneracy.focal_identifiable2) pair->Set(PairDegeneracy::WEAK_FOCAL2);
+}
+
 PairStatus JudgePair(const PairGeometry& pair,
                      int num_epipolar_inliers,
                      const PairVerificationOptions& options) {
@@ -111,6 +195,7 @@ PairStatus JudgePair(const PairGeometry& pair,
   if (num_epipolar_inliers < min_num_inliers) {
     return PairStatus::LOW_INLIER_RATIO;
   }
+  if (pair.Has(PairDegeneracy::STATIONARY)) return PairStatus::STATIONARY;
   if (pair.has_scale && std::abs(std::log(pair.scale_1_from_2)) >
                             std::log(options.max_scale_ratio)) {
     return PairStatus::SCALE_OUT_OF_RANGE;
@@ -163,12 +248,15 @@ PairGeometry VerifyPair(const Scene& scene,
     return pair;
   }
 
-  TwoViewDepthInput input;
-  input.matches =
+  UsableMatches usable =
       CollectMatches(image1, image2, camera1, camera2, depths, matches);
+  TwoViewDepthInput input;
+  input.matches = std::move(usable.depth_matches);
   input.focal_case = FocalCaseOfPair(camera1, camera2);
   input.focal_length1_px = camera1.MeanFocalLength();
   input.focal_length2_px = camera2.MeanFocalLength();
+  input.prior_focal_length1_px = DepthModelFocal(depths, image_id1);
+  input.prior_focal_length2_px = DepthModelFocal(depths, image_id2);
   input.image_size1_px = double(std::max(camera1.Width(), camera1.Height()));
   input.image_size2_px = double(std::max(camera2.Width(), camera2.Height()));
   input.seed = PairSeed(pair_id, options.random_seed);
@@ -178,15 +266,8 @@ PairGeometry VerifyPair(const Scene& scene,
     pair.status = PairStatus::NO_GEOMETRY;
     return pair;
   }
-
-  pair.cam2_from_cam1 = result.cam2_from_cam1;
-  pair.has_scale = result.has_scale;
-  pair.scale_1_from_2 = result.scale_1_from_2;
-  pair.focal_length1_px = result.focal_length1_px;
-  pair.focal_length2_px = result.focal_length2_px;
-  pair.estimated_focal1 = result.estimated_focal1;
-  pair.estimated_focal2 = result.estimated_focal2;
-  SelectMatches(result, input.matches, matches, options, &pair);
+  CopyGeometry(result, &pair);
+  SelectMatches(result, input.matches, usable.matches, options, &pair);
   pair.status = JudgePair(pair, result.num_inliers, options);
   return pair;
 }

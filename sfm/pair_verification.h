@@ -42,8 +42,12 @@ struct PairVerificationOptions {
 };
 
 // Verifies one pair. `matches` refer to key points of the images in this
-// order. The focal length of a camera counts as known if the camera has a
-// prior focal length. Images without an entry in `depths` have no depth.
+// order. A camera with a prior focal length counts as known, with its
+// distortion, and thresholds hold in pixels of its image; matches where the
+// model has no ray are no inliers. Of other cameras the distortion is unknown,
+// and so is the focal length, for which that of the depth model is a soft
+// prior. Images without an entry in `depths` have no depth. The result depends
+// on nothing else: neither on other pairs nor on the order of pairs.
 PairGeometry VerifyPair(const Scene& scene,
                         const KeypointDepthMap& depths,
                         colmap::image_pair_t pair_id,

@@ -17,6 +17,16 @@ StageTimer& StageTimer::Add(const std::string& figure, double value) {
   return *this;
 }
 
+StageTimer& StageTimer::Add(const PairTotals& totals) {
+  for (const auto& [status, count] : totals.num_with_status) {
+    Add(PairStatusName(status), double(count));
+  }
+  for (const auto& [degeneracy, count] : totals.num_valid_with_degeneracy) {
+    Add("valid_" + PairDegeneracyName(degeneracy), double(count));
+  }
+  return *this;
+}
+
 void StageTimer::Finish(std::vector<StageReport>* reports) {
   report_.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start_)

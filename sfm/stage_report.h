@@ -2,6 +2,8 @@
 
 #pragma once
 
+#include "colmap_ext/pair_geometry.h"
+
 #include <chrono>
 #include <string>
 #include <utility>
@@ -23,6 +25,8 @@ class StageTimer {
  public:
   explicit StageTimer(const std::string& stage);
   StageTimer& Add(const std::string& figure, double value);
+  // The number of pairs of each kind, degeneracies as "valid_...".
+  StageTimer& Add(const PairTotals& totals);
   // Logs the stage and appends it to the reports.
   void Finish(std::vector<StageReport>* reports);
 

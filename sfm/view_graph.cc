@@ -60,10 +60,12 @@ bool ViewGraphFilterOptions::IsValid(std::string* error) const {
                      error);
 }
 
-std::map<PairStatus, size_t> CountByStatus(const PairGeometries& pairs) {
-  std::map<PairStatus, size_t> counts;
-  for (const auto& [pair_id, pair] : pairs) ++counts[pair.status];
-  return counts;
+PairTotals CountPairs(const PairGeometries& pairs) {
+  PairTotals totals;
+  for (const auto& [pair_id, pair] : pairs) {
+    totals.Add(pair.status, pair.degeneracies, 1);
+  }
+  return totals;
 }
 
 size_t FilterByPairScore(const PairScores& scores,

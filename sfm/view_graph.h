@@ -30,8 +30,7 @@ struct ViewGraphFilterOptions {
   bool IsValid(std::string* error) const;
 };
 
-// Number of pairs by status.
-std::map<PairStatus, size_t> CountByStatus(const PairGeometries& pairs);
+PairTotals CountPairs(const PairGeometries& pairs);
 
 // Takes out pairs by imported score; returns their number.
 size_t FilterByPairScore(const PairScores& scores,

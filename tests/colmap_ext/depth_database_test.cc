@@ -18,6 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Mode = DepthDatabase::Mode;
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -37,6 +38,14 @@ PairGeometry TestPairGeometry() {
   geometry.focal_length1_px = 500.1;
   geometry.focal_length2_px = 700.2;
   geometry.estimated_focal2 = true;
+  geometry.Set(PairDegeneracy::PLANAR);
+  geometry.Set(PairDegeneracy::WEAK_FOCAL1);
+  for (int i = 0; i < 9; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      geometry.covariance(i, j) = geometry.covariance(j, i) = 10.1 * i + j;
+    }
+  }
+  geometry.fingerprint = 0xFEDCBA9876543210;
   geometry.num_matches = 7;
   geometry.inlier_matches = {{2, 0}, {0, 1}};
   geometry.depth_verified = {0, 1};
@@ -54,6 +63,9 @@ void ExpectEqual(const PairGeometry& a, const PairGeometry& b) {
   EXPECT_EQ(a.focal_length2_px, b.focal_length2_px);
   EXPECT_EQ(a.estimated_focal1, b.estimated_focal1);
   EXPECT_EQ(a.estimated_focal2, b.estimated_focal2);
+  EXPECT_EQ(a.degeneracies, b.degeneracies);
+  EXPECT_EQ(a.covariance, b.covariance);
+  EXPECT_EQ(a.fingerprint, b.fingerprint);
   EXPECT_EQ(a.num_matches, b.num_matches);
   ASSERT_EQ(a.inlier_matches.size(), b.inlier_matches.size());
   for (size_t i = 0; i < a.inlier_matches.size(); ++i) {
@@ -111,7 +123,8 @@ TEST_F(DepthDatabaseTest, ReturnsDepthAsWritten) {
   DepthMap depth_map = TestDepthMap();
   {
     DepthDatabase database(path_, Mode::READ_WRITE);
-    database.WriteDepthMap(1, depth_map, {DepthUnit::METRIC, {1.5f, 0, 0.1f}});
+    database.WriteDepthMap(
+        1, depth_map, {DepthUnit::METRIC, {1.5f, 0, 0.1f}, 512.3});
     depth_map.unit = DepthUnit::RELATIVE;
     database.WriteDepthMap(3, depth_map, {DepthUnit::RELATIVE, {}});
   }
@@ -127,7 +140,9 @@ TEST_F(DepthDatabaseTest, ReturnsDepthAsWritten) {
   ASSERT_EQ(depths.size(), 2);
   EXPECT_EQ(depths.at(1).unit, DepthUnit::METRIC);
   EXPECT_EQ(depths.at(1).depths, (std::vector<float>{1.5f, 0, 0.1f}));
+  EXPECT_EQ(depths.at(1).focal_length_px, 512.3);
   EXPECT_EQ(depths.at(3).unit, DepthUnit::RELATIVE);
+  EXPECT_EQ(depths.at(3).focal_length_px, 0);
   EXPECT_TRUE(depths.at(3).depths.empty());
 }
 
@@ -156,8 +171,31 @@ TEST_F(DepthDatabaseTest, ReturnsPairGeometriesAsWritten) {
   ASSERT_EQ(geometries.size(), 2);
   ExpectEqual(geometries.at(PairIdOfImages(1, 2)), TestPairGeometry());
   ExpectEqual(geometries.at(PairIdOfImages(1, 3)), failed);
-  database.DeletePairGeometries();
+  EXPECT_THAT(database.ReadPairFingerprints(),
+              ElementsAre(std::make_pair(PairIdOfImages(1, 2),
+                                         TestPairGeometry().fingerprint),
+                          std::make_pair(PairIdOfImages(1, 3), uint64_t(0))));
+  database.DeletePairGeometries({PairIdOfImages(1, 2), PairIdOfImages(2, 3)});
+  EXPECT_EQ(database.ReadPairFingerprints().size(), 1);
+  database.DeleteAllPairGeometries();
   EXPECT_TRUE(database.ReadPairGeometries().empty());
+}
+
+TEST_F(DepthDatabaseTest, CountsPairsOfEachKind) {
+  DepthDatabase database(path_, Mode::READ_WRITE);
+  EXPECT_TRUE(database.ReadPairTotals().num_with_status.empty());
+  PairGeometry valid = TestPairGeometry();
+  valid.status = PairStatus::VALID;
+  database.WritePairGeometries({{PairIdOfImages(1, 2), TestPairGeometry()},
+                                {PairIdOfImages(1, 3), valid},
+                                {PairIdOfImages(2, 3), valid}});
+  const PairTotals totals = database.ReadPairTotals();
+  EXPECT_THAT(totals.num_with_status,
+              ElementsAre(std::make_pair(PairStatus::VALID, 2),
+                          std::make_pair(PairStatus::DEPTH_INCONSISTENT, 1)));
+  EXPECT_THAT(totals.num_valid_with_degeneracy,
+              ElementsAre(std::make_pair(PairDegeneracy::PLANAR, 2),
+                          std::make_pair(PairDegeneracy::WEAK_FOCAL1, 2)));
 }
 
 TEST_F(DepthDatabaseTest, OpeningAloneChangesNothing) {
@@ -220,17 +258,44 @@ TEST_F(DepthDatabaseTest, FailedWriteLeavesDatabaseAsItWas) {
   }
   EXPECT_EQ(FileContent(path_), content);
   DepthDatabase reader(path_, Mode::READ_ONLY);
-  EXPECT_THROW(reader.DeletePairGeometries(), std::invalid_argument);
+  EXPECT_THROW(reader.DeleteAllPairGeometries(), std::invalid_argument);
 }
 
 TEST_F(DepthDatabaseTest, RefusesAnotherVersionOfTheTables) {
   WriteAll();
-  Execute("UPDATE dgsfm_schema SET version = 2");
+  Execute("UPDATE dgsfm_schema SET version = 3");
   for (const Mode mode : {Mode::READ_ONLY, Mode::READ_WRITE}) {
     EXPECT_THAT([&] { DepthDatabase(path_, mode); },
                 ThrowsMessage<std::runtime_error>(
-                    AllOf(HasSubstr(path_), HasSubstr("version 2"))));
+                    AllOf(HasSubstr(path_), HasSubstr("version 3"))));
   }
+}
+
+TEST_F(DepthDatabaseTest, BringsTablesOfVersion1UpToDate) {
+  WriteAll();
+  // The columns that version 2 added.
+  Execute(
+      "UPDATE dgsfm_schema SET version = 1;"
+      "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN focal_length;"
+      "ALTER TABLE dgsfm_pair_geometries DROP COLUMN degeneracies;"
+      "ALTER TABLE dgsfm_pair_geometries DROP COLUMN covariance;"
+      "ALTER TABLE dgsfm_pair_geometries DROP COLUMN fingerprint;");
+  EXPECT_THAT([&] { DepthDatabase(path_, Mode::READ_ONLY); },
+              ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr(path_),
+                        HasSubstr("version 1"),
+                        HasSubstr("run depth_geometric_verifier"))));
+  {
+    DepthDatabase database(path_, Mode::READ_WRITE);
+    database.WritePairGeometries({{PairIdOfImages(1, 2), TestPairGeometry()}});
+  }
+  const DepthDatabase database(path_, Mode::READ_ONLY);
+  EXPECT_EQ(database.ReadDepthMap(1).values, TestDepthMap().values);
+  const auto depths = database.ReadAllKeypointDepths();
+  EXPECT_EQ(depths.at(1).depths, (std::vector<float>{1.5f, 0, 0.1f}));
+  EXPECT_EQ(depths.at(1).focal_length_px, 0);
+  ExpectEqual(database.ReadPairGeometries().at(PairIdOfImages(1, 2)),
+              TestPairGeometry());
 }
 
 TEST_F(DepthDatabaseTest, NoticesThatFeaturesWereExtractedAgain) {
@@ -240,7 +305,7 @@ TEST_F(DepthDatabaseTest, NoticesThatFeaturesWereExtractedAgain) {
       [](const auto& database) { database.ReadAllKeypointDepths(); },
       {"image a.jpg has 0 key points", "for 3", "depth_importer again"});
   ExpectReadFails([](const auto& database) { database.ReadPairGeometries(); },
-                  {"pair a.jpg - b.jpg", "depth_geometric_verifier again"});
+                  {"pair a.jpg - b.jpg", "run depth_geometric_verifier"});
 }
 
 TEST_F(DepthDatabaseTest, NamesDamagedRow) {
@@ -255,16 +320,22 @@ TEST_F(DepthDatabaseTest, NamesDamagedRow) {
   ExpectReadFails(
       [](const auto& database) { database.ReadAllKeypointDepths(); },
       {"image b.jpg", "damaged"});
+  WriteAll();
+  Execute("UPDATE dgsfm_keypoint_depths SET focal_length = -1");
+  ExpectReadFails(
+      [](const auto& database) { database.ReadAllKeypointDepths(); },
+      {"image a.jpg", "damaged"});
   for (const char* damage : {"status = 77",
                              "rows = 3",
                              "qvec = zeroblob(32)",
                              "tvec = zeroblob(16)",
                              "scale = -1",
+                             "covariance = zeroblob(16)",
                              "depth_verified = x'01'"}) {
     WriteAll();
     Execute(std::string("UPDATE dgsfm_pair_geometries SET ") + damage);
     ExpectReadFails([](const auto& database) { database.ReadPairGeometries(); },
-                    {"pair a.jpg - b.jpg", "damaged"});
+                    {"pair a.jpg - b.jpg", "damaged", "--restart 1"});
   }
 }
 
@@ -273,7 +344,7 @@ TEST_F(DepthDatabaseTest, GivesUpOnLockedDatabase) {
   writer.Execute("BEGIN IMMEDIATE");
   DepthDatabase database(
       path_, Mode::READ_WRITE, std::chrono::milliseconds(20));
-  EXPECT_THAT([&] { database.DeletePairGeometries(); },
+  EXPECT_THAT([&] { database.DeleteAllPairGeometries(); },
               ThrowsMessage<std::runtime_error>(
                   AllOf(HasSubstr(path_), HasSubstr("locked"))));
 }

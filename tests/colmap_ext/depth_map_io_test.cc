@@ -232,6 +232,39 @@ TEST_F(DepthMapIo, EveryTruncationIsAnError) {
   }
 }
 
+TEST_F(DepthMapIo, ReadsFocalLengthOfTheDepthModel) {
+  const auto focal_of = [&](const std::vector<float>& matrix) {
+    const std::string name = std::to_string(matrix[0]) + ".npz";
+    WriteNpz(name, "depth.npy", kNpy2x3, ZIP_CM_DEFLATE);
+    WriteNpz(name,
+             "intrinsics.npy",
+             Npy("<f4", "False", "(3, 3)", Bytes(matrix)),
+             ZIP_CM_DEFLATE);
+    const colmap::Camera camera = CreateCamera(300, 200);
+    return ReadDepthFocalLength(
+        Path(name), ReadDepthMap(Path(name), camera, {}), camera);
+  };
+  // In units of the size: 0.5 (0.75 x 300 + 1.25 x 200).
+  EXPECT_DOUBLE_EQ(focal_of({0.75f, 0, 0.5f, 0, 1.25f, 0.5f, 0, 0, 1}), 237.5);
+  // In pixels of the 3 x 2 map, which are 100 of the image.
+  EXPECT_DOUBLE_EQ(focal_of({2.5f, 0, 1.5f, 0, 2.5f, 1, 0, 0, 1}), 250);
+  EXPECT_EQ(focal_of({1, 0, 0, 0, 1, 0, 0, 0, 1}), 0);
+  EXPECT_THROW(focal_of({-2, 0, 0.5f, 0, 1, 0.5f, 0, 0, 1}),
+               std::runtime_error);
+  EXPECT_THROW(focal_of({kNaN, 0, 0.5f, 0, 1, 0.5f, 0, 0, 1}),
+               std::runtime_error);
+
+  const colmap::Camera camera = CreateCamera(300, 200);
+  const DepthMap depth_map = {3, 2, DepthUnit::METRIC, kValues};
+  const std::string plain =
+      WriteNpz("plain.npz", "depth.npy", kNpy2x3, ZIP_CM_STORE);
+  EXPECT_EQ(ReadDepthFocalLength(plain, depth_map, camera), 0);
+  EXPECT_EQ(ReadDepthFocalLength(Path("a.npy"), depth_map, camera), 0);
+  WriteNpz("plain.npz", "intrinsics.npy", kNpy2x3, ZIP_CM_STORE);
+  EXPECT_THROW(ReadDepthFocalLength(plain, depth_map, camera),
+               std::runtime_error);
+}
+
 TEST_F(DepthMapIo, DamagedBytesNeverCrash) {
   WriteNpz("whole.npz", "depth.npy", kNpy2x3, ZIP_CM_DEFLATE);
   WriteDepthPng(Path("whole.png"), {3, 2, DepthUnit::METRIC, kValues}, 0.001);

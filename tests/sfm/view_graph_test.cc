@@ -84,27 +84,6 @@ TEST(ViewGraph, InvalidOptionsNameFieldAndValue) {
       << error;
 }
 
-TEST(PairGeometry, InverseOfInverseIsTheSame) {
-  PairGeometry pair = ValidPair(2);
-  pair.has_scale = true;
-  pair.scale_1_from_2 = 2.5;
-  pair.cam2_from_cam1 = {Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized(),
-                         Eigen::Vector3d(1, -2, 3)};
-  pair.inlier_matches = {{1, 2}, {3, 4}};
-  const PairGeometry back = pair.Inverse().Inverse();
-  EXPECT_LT((back.cam2_from_cam1.translation - pair.cam2_from_cam1.translation)
-                .norm(),
-            1e-14);
-  EXPECT_EQ(back.scale_1_from_2, 2.5);
-  EXPECT_EQ(back.inlier_matches[1].point2D_idx2, 4);
-
-  // A point in units of map 1 seen by camera 2, in its units of map 2.
-  const Eigen::Vector3d point1(0.3, 0.4, 5);
-  const Eigen::Vector3d point2 = (pair.cam2_from_cam1 * point1) / 2.5;
-  EXPECT_LT((pair.Inverse().cam2_from_cam1 * point2 - point1 / 2.5).norm(),
-            1e-14);
-}
-
 TEST(PairGeometry, WithoutItsScaleHasAUnitTranslation) {
   PairGeometry pair;
   pair.has_scale = true;

@@ -1,0 +1,20 @@
+// A number by which to tell whether a stored pair geometry still holds.
+
+#pragma once
+
+#include "sfm/pair_verification.h"
+
+#include <string>
+
+namespace dgsfm {
+
+// 64-bit FNV-1a hash of all that VerifyPair() takes for a pair: its matches
+// with their points and depths, cameras, focal lengths of the depth model, and
+// the options as `options_text`.
+uint64_t PairFingerprint(const Scene& scene,
+                         const KeypointDepthMap& depths,
+                         colmap::image_pair_t pair_id,
+                         const colmap::FeatureMatches& matches,
+                         const std::string& options_text);
+
+}  // namespace dgsfm
