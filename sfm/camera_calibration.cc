@@ -14,6 +14,47 @@ void SetFocalLength(double focal_length_px, colmap::Camera* camera) {
   }
 }
 
+using FocalEstimates = std::map<colmap::camera_t, std::vector<FocalEstimate>>;
+
+FocalEstimates EstimatesOfPairs(const PairGeometries& pairs,
+                                const Scene& scene) {
+  FocalEstimates estimates;
+  const auto add = [&](colmap::image_t image_id, double focal_length_px) {
+    estimates[scene.images.at(image_id).CameraId()].push_back(
+        {focal_length_px, 1.0});
+  };
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.estimated_focal1) add(image_id1, pair.focal_length1_px);
+    if (pair.estimated_focal2) add(image_id2, pair.focal_length2_px);
+  }
+  return estimates;
+}
+
+FocalEstimates EstimatesOfDepthModel(const KeypointDepthMap& depths,
+                                     const Scene& scene) {
+  FocalEstimates estimates;
+  for (const auto& [image_id, depth] : depths) {
+    if (depth.focal_length_px == 0) continue;
+    estimates[scene.images.at(image_id).CameraId()].push_back(
+        {depth.focal_length_px, 1.0});
+  }
+  return estimates;
+}
+
+// False if there are no estimates.
+bool SetAverage(const std::vector<FocalEstimate>& estimates,
+                CameraFocal* focal,
+                colmap::Camera* camera) {
+  const auto averaged = AverageFocals(estimates);
+  if (!averaged) return false;
+  focal->num_estimates = estimates.size();
+  focal->log_spread = averaged->log_spread;
+  SetFocalLength(averaged->focal_length_px, camera);
+  return true;
+}
+
 Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
   TwoViewModel model;
   model.rotation = pair.cam2_from_cam1.rotation.toRotationMatrix();
@@ -34,7 +75,8 @@ void CalibrateFromFundamentals(
   for (const auto& [camera_id, focal] : *focals) {
     camera_ids.push_back(camera_id);
     focal_lengths_px.push_back(focal.focal_length_px);
-    known.push_back(focal.source != FocalSource::DEFAULT);
+    known.push_back(focal.source == FocalSource::PRIOR ||
+                    focal.source == FocalSource::PAIRS);
   }
   if (std::all_of(known.begin(), known.end(), [](char k) { return k; })) {
     return;
@@ -63,9 +105,7 @@ void CalibrateFromFundamentals(
       CalibrateViewGraph(fundamentals, known, options, &focal_lengths_px);
   for (size_t i = 0; i < camera_ids.size(); ++i) {
     if (known[i] || !estimated[i]) continue;
-    CameraFocal& focal = focals->at(camera_ids[i]);
-    focal.source = FocalSource::VIEW_GRAPH;
-    focal.focal_length_px = focal_lengths_px[i];
+    (*focals)[camera_ids[i]] = {FocalSource::VIEW_GRAPH, focal_lengths_px[i]};
     SetFocalLength(focal_lengths_px[i], &scene->cameras.at(camera_ids[i]));
   }
 }
@@ -80,6 +120,8 @@ std::string FocalSourceName(FocalSource source) {
       return "pairs";
     case FocalSource::VIEW_GRAPH:
       return "view_graph";
+    case FocalSource::DEPTH_MODEL:
+      return "depth_model";
     case FocalSource::DEFAULT:
       return "default";
   }
@@ -88,30 +130,20 @@ std::string FocalSourceName(FocalSource source) {
 
 std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
     const PairGeometries& pairs,
+    const KeypointDepthMap& depths,
     const ViewGraphCalibrationOptions& options,
     Scene* scene) {
-  std::map<colmap::camera_t, std::vector<FocalEstimate>> estimates;
-  const auto collect = [&](colmap::image_t image_id, double focal_length_px) {
-    estimates[scene->images.at(image_id).CameraId()].push_back(
-        {focal_length_px, 1.0});
-  };
-  for (const auto& [pair_id, pair] : pairs) {
-    if (pair.status != PairStatus::VALID) continue;
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (pair.estimated_focal1) collect(image_id1, pair.focal_length1_px);
-    if (pair.estimated_focal2) collect(image_id2, pair.focal_length2_px);
-  }
-
+  FocalEstimates pair_estimates = EstimatesOfPairs(pairs, *scene);
+  FocalEstimates depth_estimates = EstimatesOfDepthModel(depths, *scene);
   std::map<colmap::camera_t, CameraFocal> focals;
   for (auto& [camera_id, camera] : scene->cameras) {
     CameraFocal& focal = focals[camera_id];
     if (camera.HasPriorFocalLength()) {
       focal.source = FocalSource::PRIOR;
-    } else if (const auto averaged = AverageFocals(estimates[camera_id])) {
+    } else if (SetAverage(pair_estimates[camera_id], &focal, &camera)) {
       focal.source = FocalSource::PAIRS;
-      focal.num_estimates = estimates[camera_id].size();
-      focal.log_spread = averaged->log_spread;
-      SetFocalLength(averaged->focal_length_px, &camera);
+    } else if (SetAverage(depth_estimates[camera_id], &focal, &camera)) {
+      focal.source = FocalSource::DEPTH_MODEL;
     }
     focal.focal_length_px = camera.MeanFocalLength();
   }

@@ -11,10 +11,11 @@
 namespace dgsfm {
 
 enum class FocalSource {
-  PRIOR,       // given by the user: untouched
-  PAIRS,       // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
-  VIEW_GRAPH,  // from fundamental matrices, no depth
-  DEFAULT,     // no evidence: the value in the database
+  PRIOR,        // given by the user: untouched
+  PAIRS,        // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
+  VIEW_GRAPH,   // from fundamental matrices, no depth
+  DEPTH_MODEL,  // as the depth model saw it, for want of other evidence
+  DEFAULT,      // no evidence: the value in the database
 };
 
 std::string FocalSourceName(FocalSource source);
@@ -23,15 +24,18 @@ struct CameraFocal {
   FocalSource source = FocalSource::DEFAULT;
   double focal_length_px = 0;
   size_t num_estimates = 0;
-  // Spread of the pair estimates of log focal length [1].
+  // Spread of these estimates of log focal length [1].
   double log_spread = 0;
 };
 
 // Sets the focal length of every camera without a prior focal length from the
 // valid pairs: the median over all images of the camera; where the pairs have
-// no estimate, by calibrating the view graph from their fundamental matrices.
+// no estimate, by calibrating the view graph from their fundamental matrices,
+// from the median of what the depth model saw in the images as start; where
+// that fails, the start.
 std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
     const PairGeometries& pairs,
+    const KeypointDepthMap& depths,
     const ViewGraphCalibrationOptions& options,
     Scene* scene);
 

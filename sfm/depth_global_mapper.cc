@@ -114,8 +114,8 @@ void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
 void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
   if (options_.skip_focal_averaging) return;
   StageTimer timer("focal_averaging");
-  result_.focals =
-      CalibrateCameras(*pairs, options_.view_graph_calibration, &scene_);
+  result_.focals = CalibrateCameras(
+      *pairs, depths_, options_.view_graph_calibration, &scene_);
   std::map<FocalSource, size_t> num_cameras;
   for (const auto& [camera_id, focal] : result_.focals) {
     ++num_cameras[focal.source];

@@ -200,30 +200,5 @@ TEST(DepthGlobalMapper, OneThreadGivesTheSameBytesTwice) {
   }
 }
 
-TEST(VerifyPairs, ResultDoesNotDependOnThreads) {
-  SyntheticSceneOptions options = SmallRing();
-  options.image_noise_px = 0.5;
-  options.outlier_match_ratio = 0.4;
-  options.known_focal_length = false;
-  const SyntheticScene synthetic = SynthesizeScene(options);
-  const Scene scene = SceneFromSynthetic(synthetic);
-  const KeypointDepthMap depths = KeypointDepthsFromSynthetic(synthetic);
-  PairVerificationOptions verification;
-  verification.num_threads = 1;
-  const PairGeometries one = VerifyPairs(scene, depths, verification);
-  verification.num_threads = 3;
-  const PairGeometries three = VerifyPairs(scene, depths, verification);
-  ASSERT_EQ(one.size(), three.size());
-  for (const auto& [pair_id, pair] : one) {
-    const PairGeometry& other = three.at(pair_id);
-    EXPECT_EQ(pair.status, other.status);
-    EXPECT_EQ(pair.cam2_from_cam1.translation,
-              other.cam2_from_cam1.translation);
-    EXPECT_EQ(pair.cam2_from_cam1.rotation.coeffs(),
-              other.cam2_from_cam1.rotation.coeffs());
-    EXPECT_EQ(pair.inlier_matches.size(), other.inlier_matches.size());
-  }
-}
-
 }  // namespace
 }  // namespace dgsfm
