@@ -119,23 +119,17 @@ class DatabaseVerifier {
 
   VerificationSummary Run() {
     VerificationSummary summary;
-    std::vector<MatchReader::PairSize> pairs = reader_.ListPairs();
-    summary.num_kept = pairs.size();
-    summary.num_deleted = DropFinished(&pairs);
-    summary.num_kept -= pairs.size();
+    const std::vector<MatchReader::PairSize> pairs = FindWork(&summary);
     LOG(INFO) << summary.num_kept << " pairs are verified already, "
               << summary.num_deleted
               << " stored ones are deleted because their matches, depths or "
                  "options have changed";
-    // The longest last would leave threads without work at the end.
-    std::stable_sort(
-        pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
-          return a.num_matches > b.num_matches;
-        });
-    Progress progress("Verifying pairs", pairs.size());
+    size_t num_matches = 0;
+    for (const auto& pair : pairs) num_matches += pair.num_matches;
+    Progress progress("Verifying pairs", pairs.size(), num_matches);
     ParallelFor(pairs.size(), options_.verification.num_threads, [&](size_t i) {
       VerifyAndStore(pairs[i].pair_id);
-      progress.Step();
+      progress.Step(pairs[i].num_matches);
     });
     StoreFinished();
     summary.totals = database_->ReadPairTotals();
@@ -147,29 +141,37 @@ class DatabaseVerifier {
   // Bounds the memory of pairs that wait to be stored.
   static constexpr size_t kMaxNumFinished = 1000;
 
-  // Takes out the pairs, in the order of their ids, whose stored result holds.
-  // Deletes the other results and returns their number.
-  size_t DropFinished(std::vector<MatchReader::PairSize>* pairs) {
+  // Deletes the results that do not hold. Returns the pairs without one, by
+  // decreasing number of matches: a long one at the end would leave the other
+  // threads without work.
+  std::vector<MatchReader::PairSize> FindWork(VerificationSummary* summary) {
     const auto stored = database_->ReadPairFingerprints();
     std::vector<colmap::image_pair_t> stale;
+    std::vector<MatchReader::PairSize> work;
+    // Both are in the order of the ids.
     auto next = stored.begin();
-    const auto is_finished = [&](const MatchReader::PairSize& pair) {
+    for (const MatchReader::PairSize& pair : reader_.ListPairs()) {
       while (next != stored.end() && next->first < pair.pair_id) {
         stale.push_back((next++)->first);
       }
-      if (next == stored.end() || next->first != pair.pair_id) return false;
-      const uint64_t fingerprint = next++->second;
+      const bool is_stored =
+          next != stored.end() && next->first == pair.pair_id;
       const bool holds =
-          !options_.restart &&
-          fingerprint == Fingerprint(pair.pair_id, reader_.Read(pair.pair_id));
-      if (!holds) stale.push_back(pair.pair_id);
-      return holds;
-    };
-    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_finished),
-                 pairs->end());
+          is_stored && !options_.restart &&
+          next->second == Fingerprint(pair.pair_id, reader_.Read(pair.pair_id));
+      if (!holds) work.push_back(pair);
+      if (is_stored && !holds) stale.push_back(pair.pair_id);
+      if (is_stored) ++next;
+      summary->num_kept += holds;
+    }
     for (; next != stored.end(); ++next) stale.push_back(next->first);
     database_->DeletePairGeometries(stale);
-    return stale.size();
+    summary->num_deleted = stale.size();
+    std::stable_sort(
+        work.begin(), work.end(), [](const auto& a, const auto& b) {
+          return a.num_matches > b.num_matches;
+        });
+    return work;
   }
 
   uint64_t Fingerprint(colmap::image_pair_t pair_id,

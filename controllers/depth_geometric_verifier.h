@@ -66,7 +66,7 @@ struct VerificationSummary {
 // is stored at the end depends neither on threads nor on interruptions.
 //
 // The longest pairs are verified first. Matches are read and results written
-// on the way: a pair costs 16 bytes of memory, besides those in work.
+// on the way, so that a pair costs some 50 bytes of memory.
 //
 // Throws std::runtime_error on unusable input; pairs that were stored until
 // then stay.

@@ -13,10 +13,12 @@ struct Progress::Impl {
 
   std::string label;
   size_t total;
+  size_t total_work;
   bool is_terminal = isatty(STDERR_FILENO);
   Clock::time_point start = Clock::now();
   std::mutex mutex;
   size_t num_done = 0;
+  size_t work_done = 0;
   // Tenth of a second of the last bar, tenth of the work of the last line.
   int64_t last_shown = 0;
 
@@ -25,7 +27,8 @@ struct Progress::Impl {
   }
 
   double SecondsLeft() const {
-    return Seconds() * (total - num_done) / num_done;
+    if (work_done == 0) return 0;
+    return Seconds() * (double(total_work) / double(work_done) - 1);
   }
 
   void ShowBar() const {
@@ -50,20 +53,22 @@ struct Progress::Impl {
   }
 };
 
-Progress::Progress(const std::string& label, size_t total)
+Progress::Progress(const std::string& label, size_t total, size_t total_work)
     : impl_(std::make_unique<Impl>()) {
   impl_->label = label;
   impl_->total = total;
+  impl_->total_work = total_work;
 }
 
 Progress::~Progress() {
   if (impl_->is_terminal && impl_->num_done > 0) std::fputc('\n', stderr);
 }
 
-void Progress::Step() {
+void Progress::Step(size_t work) {
   const std::lock_guard<std::mutex> lock(impl_->mutex);
   if (impl_->num_done >= impl_->total) return;
   ++impl_->num_done;
+  impl_->work_done += work;
   const bool is_last = impl_->num_done == impl_->total;
   const int64_t now = impl_->is_terminal
                           ? static_cast<int64_t>(10 * impl_->Seconds())

@@ -11,11 +11,14 @@ namespace dgsfm {
 
 class Progress {
  public:
-  Progress(const std::string& label, size_t total);
+  // The time left is estimated by work where items differ in it.
+  Progress(const std::string& label, size_t total, size_t total_work);
+  Progress(const std::string& label, size_t total)
+      : Progress(label, total, total) {}
   // Finishes the bar.
   ~Progress();
   // One more item is done; callable from any thread.
-  void Step();
+  void Step(size_t work = 1);
 
  private:
   struct Impl;
