@@ -1,5 +1,6 @@
 #include "colmap_ext/depth_map_io.h"
 
+#include "tests/testing/npz_file.h"
 #include "tests/testing/test_dir.h"
 
 #include <cmath>
@@ -15,7 +16,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <png.h>
-#include <zip.h>
 #include <zlib.h>
 
 namespace dgsfm {
@@ -49,13 +49,7 @@ class DepthMapIo : public testing::Test {
                        const std::string& array_name,
                        const std::string& bytes,
                        int method) const {
-    zip_t* archive = zip_open(Path(name).c_str(), ZIP_CREATE, nullptr);
-    zip_source_t* source =
-        zip_source_buffer(archive, bytes.data(), bytes.size(), 0);
-    const zip_int64_t index =
-        zip_file_add(archive, array_name.c_str(), source, 0);
-    zip_set_file_compression(archive, index, method, 0);
-    EXPECT_EQ(zip_close(archive), 0);
+    AddToNpz(Path(name), array_name, bytes, method);
     return Path(name);
   }
 

@@ -1,9 +1,11 @@
 #include "controllers/depth_importer.h"
 
 #include "colmap_ext/depth_database.h"
+#include "colmap_ext/depth_file_formats.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/commands.h"
 #include "tests/testing/colmap_database.h"
+#include "tests/testing/npz_file.h"
 #include "tests/testing/test_dir.h"
 
 #include <algorithm>
@@ -73,6 +75,29 @@ class DepthImporter : public testing::Test {
   colmap::image_t image_id2_ = 0;
   colmap::image_t image_id3_ = 0;
 };
+
+TEST_F(DepthImporter, StoresFocalLengthOfTheDepthModel) {
+  const auto add = [&](const std::string& name,
+                       const internal::DepthGrid& grid) {
+    const std::vector<uint8_t> bytes = internal::FormatNpyFloat(grid);
+    AddToNpz(
+        depth_path_ + "/b.npz", name, std::string(bytes.begin(), bytes.end()));
+  };
+  add("depth.npy", {3, 2, std::vector<float>(6, 2)});
+  // As MoGe has it, in units of the 30 x 20 image's sides.
+  add("intrinsics.npy", {3, 3, {1.25f, 0, 0.5f, 0, 1.875f, 0.5f, 0, 0, 1}});
+  WriteMap("c.npy", 3);
+  const DepthImportSummary summary = Import();
+  ASSERT_EQ(summary.imported.size(), 2);
+  EXPECT_EQ(summary.imported[0].focal_length_px, 37.5);
+  EXPECT_EQ(summary.imported[1].focal_length_px, 0);
+  EXPECT_THAT(summary.ToText(), HasSubstr("focal length 37.5 px"));
+  const auto depths =
+      DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+          .ReadAllKeypointDepths();
+  EXPECT_EQ(depths.at(image_id2_).focal_length_px, 37.5);
+  EXPECT_EQ(depths.at(image_id3_).focal_length_px, 0);
+}
 
 TEST_F(DepthImporter, StoresMapsAndSamples) {
   WriteMap("sub/a.jpg.npy", 2);
