@@ -184,7 +184,7 @@ class RepeatsLayout : public SceneLayout {
   int num_bays_;
 };
 
-// Neighbouring views have baselines of a two-hundredth of the depth.
+// Neighbouring views have baselines of a hundredth of the depth.
 class LowParallaxLayout : public SceneLayout {
  public:
   explicit LowParallaxLayout(int num_images) : num_images_(num_images) {}
@@ -210,7 +210,7 @@ class LowParallaxLayout : public SceneLayout {
   }
 
  private:
-  static constexpr double kStep = 0.05;       // [m]
+  static constexpr double kStep = 0.1;        // [m]
   static constexpr double kTurn = M_PI / 18;  // [rad]
 
   int num_images_;

@@ -20,7 +20,7 @@ enum class SceneFamily {
   FACADE,        // a grid of viewpoints before a facade
   CLUSTERS,      // two facades that two images join
   REPEATS,       // along a facade of bays that look alike
-  LOW_PARALLAX,  // turning by 10 degrees and moving by 5 cm per image
+  LOW_PARALLAX,  // turning by 10 degrees and moving by 10 cm per image
   FORWARD,       // along the axis of a corridor and of the camera, 0.5 m each
   INTERNET,      // crowds before landmarks, near and far, from all sides
 };

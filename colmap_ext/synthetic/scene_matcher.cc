@@ -48,19 +48,33 @@ void SceneMatcher::Match(const std::vector<FalsePair>& false_pairs) {
 }
 
 SceneMatcher::ImagePairs SceneMatcher::SelectPairs() const {
-  const SyntheticSceneOptions& options = scene_->options;
+  const size_t max_num_neighbors = scene_->options.max_num_neighbors;
+  const size_t num_best = (max_num_neighbors + 1) / 2;
+  const size_t num_spread = max_num_neighbors - num_best;
   ImagePairs selected;
   for (const auto& [image_id, image] : scene_->images) {
-    auto counts = covisibility_.CountObservers(image.point_idxs, image_id);
+    auto neighbors = covisibility_.CountObservers(image.point_idxs, image_id);
+    neighbors.erase(std::remove_if(neighbors.begin(),
+                                   neighbors.end(),
+                                   [this](const auto& neighbor) {
+                                     return neighbor.second <
+                                            scene_->options.min_num_matches;
+                                   }),
+                    neighbors.end());
     std::stable_sort(
-        counts.begin(), counts.end(), [](const auto& a, const auto& b) {
+        neighbors.begin(), neighbors.end(), [](const auto& a, const auto& b) {
           return a.second > b.second;
         });
-    counts.resize(std::min(counts.size(), size_t(options.max_num_neighbors)));
-    for (const auto& [other_id, count] : counts) {
-      if (count >= options.min_num_matches) {
-        selected.insert(std::minmax(image_id, other_id));
+    if (neighbors.size() > max_num_neighbors) {
+      const size_t num_rest = neighbors.size() - num_best;
+      for (size_t i = 0; i < num_spread; ++i) {
+        neighbors[num_best + i] =
+            neighbors[num_best + (i + 1) * num_rest / num_spread - 1];
       }
+      neighbors.resize(max_num_neighbors);
+    }
+    for (const auto& [other_id, count] : neighbors) {
+      selected.insert(std::minmax(image_id, other_id));
     }
   }
   return selected;

@@ -49,8 +49,10 @@ struct SyntheticSceneOptions {
   // In REPEATS, such pairs of each image with other bays; fewer where bays are
   // not far enough apart.
   int max_num_look_alikes = 0;
-  // A pair is matched if it is among the best so many of one of its images by
-  // common points, and has at least min_num_matches.
+  // Images are matched if they have at least min_num_matches common points and
+  // one is among the neighbours of the other: if there are too many, half are
+  // those with most common points, and half are spread over all the others, as
+  // crowds would otherwise be matched among themselves only.
   int max_num_neighbors = 20;
   int min_num_matches = 20;
   uint32_t random_seed = 0;
