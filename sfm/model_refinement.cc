@@ -7,6 +7,7 @@
 #include "estimators/option_check.h"
 #include "estimators/two_view_model.h"
 #include "estimators/two_view_residuals.h"
+#include "sfm/centered_point.h"
 #include "sfm/model_access.h"
 
 #include <colmap/base/similarity_transform.h>
@@ -61,13 +62,13 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
   std::set<colmap::point2D_t> used1;
   std::set<colmap::point2D_t> used2;
   for (const colmap::FeatureMatch& match : matches) {
-    const Eigen::Vector2d point1 =
-        two_view.focal1 *
-        camera1.ImageToWorld(image1.Point2D(match.point2D_idx1).XY());
-    const Eigen::Vector2d point2 =
-        two_view.focal2 *
-        camera2.ImageToWorld(image2.Point2D(match.point2D_idx2).XY());
-    if (std::abs(SampsonError(F, point1, point2)) <= max_error_px &&
+    const auto point1 =
+        UndistortPoint(camera1, image1.Point2D(match.point2D_idx1).XY());
+    const auto point2 =
+        UndistortPoint(camera2, image2.Point2D(match.point2D_idx2).XY());
+    if (point1 && point2 &&
+        std::abs(SampsonError(F, point1->point, point2->point)) <=
+            max_error_px &&
         used1.count(match.point2D_idx1) == 0 &&
         used2.count(match.point2D_idx2) == 0) {
       used1.insert(match.point2D_idx1);

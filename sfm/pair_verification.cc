@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
 #include "estimators/option_check.h"
+#include "sfm/centered_point.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,44 +22,13 @@ uint64_t PairSeed(colmap::image_pair_t pair_id, int random_seed) {
   return x ^ (x >> 31);
 }
 
-// Larger angles between ray and optical axis do not go with z-depth and image
-// planes: tangent of 84 degrees.
-constexpr double kMaxRayTangent = 10;
-// Up to this the iterative undistortion has converged [px].
-constexpr double kMaxUndistortionError = 0.1;
-
-// An image point as the two-view estimator wants it (see DepthMatches).
-struct CenteredPoint {
-  Eigen::Vector2d point;
-  Eigen::Matrix2d pixel_jacobian = Eigen::Matrix2d::Identity();
-};
-
 // Undistorted if the camera is known, otherwise relative to the principal
-// point. Nothing where the camera model has no ray in front of the camera.
+// point. Nothing where the camera has no ray.
 std::optional<CenteredPoint> CenterPoint(const colmap::Camera& camera,
                                          const Eigen::Vector2d& xy_px) {
-  CenteredPoint centered;
-  if (!camera.HasPriorFocalLength()) {
-    centered.point = xy_px - Eigen::Vector2d(camera.PrincipalPointX(),
-                                             camera.PrincipalPointY());
-    return centered;
-  }
-  const double focal_length_px = camera.MeanFocalLength();
-  const Eigen::Vector2d ray = camera.ImageToWorld(xy_px);
-  // Written so that NaN fails.
-  if (!(ray.norm() <= kMaxRayTangent) ||
-      !((camera.WorldToImage(ray) - xy_px).norm() <= kMaxUndistortionError)) {
-    return std::nullopt;
-  }
-  centered.point = focal_length_px * ray;
-  constexpr double kStep = 1e-6;
-  for (int k = 0; k < 2; ++k) {
-    const Eigen::Vector2d step = kStep * Eigen::Vector2d::Unit(k);
-    centered.pixel_jacobian.col(k) =
-        (camera.WorldToImage(ray + step) - camera.WorldToImage(ray - step)) /
-        (2 * kStep * focal_length_px);
-  }
-  return centered;
+  if (camera.HasPriorFocalLength()) return UndistortPoint(camera, xy_px);
+  return CenteredPoint{xy_px - Eigen::Vector2d(camera.PrincipalPointX(),
+                                               camera.PrincipalPointY())};
 }
 
 bool IsIdentity(const std::vector<Eigen::Matrix2d>& matrices) {
