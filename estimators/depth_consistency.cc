@@ -84,19 +84,18 @@ std::vector<DepthVerdict> CheckDepthConsistency(
       continue;
     }
     Transfer forward, backward;
-    const bool consistent = TransferForward(model,
-                                            matches.points1[i],
-                                            matches.depths1[i],
-                                            matches.points2[i],
-                                            matches.depths2[i],
-                                            &forward) &&
+    const auto transfer = [&](TransferDirection direction, Transfer* result) {
+      return TransferMatch(direction,
+                           model,
+                           matches.points1[i],
+                           matches.depths1[i],
+                           matches.points2[i],
+                           matches.depths2[i],
+                           result);
+    };
+    const bool consistent = transfer(TransferDirection::FORWARD, &forward) &&
                             passes(forward, model.focal2) &&
-                            TransferBackward(model,
-                                             matches.points1[i],
-                                             matches.depths1[i],
-                                             matches.points2[i],
-                                             matches.depths2[i],
-                                             &backward) &&
+                            transfer(TransferDirection::BACKWARD, &backward) &&
                             passes(backward, model.focal1);
     verdicts[i] =
         consistent ? DepthVerdict::CONSISTENT : DepthVerdict::INCONSISTENT;

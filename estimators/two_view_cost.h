@@ -1,62 +1,18 @@
-// The cost of a TwoViewModel over all matches of a pair, how models are
-// scored, and how they are refined.
+// The cost of a TwoViewModel over the matches of a pair, and its Gauss-Newton
+// approximation.
 
 #pragma once
 
-#include "estimators/two_view_geometry_depth.h"
+#include "estimators/two_view_data.h"
+#include "estimators/two_view_depth_field.h"
 #include "estimators/two_view_model.h"
 #include "estimators/two_view_residuals.h"
 
-#include <limits>
 #include <vector>
 
 #include <Eigen/Core>
 
 namespace dgsfm {
-
-// Matches in the order in which they are scored; depth 0 = unknown.
-struct TwoViewData {
-  std::vector<Eigen::Vector2d> points1;
-  std::vector<Eigen::Vector2d> points2;
-  std::vector<double> depths1;
-  std::vector<double> depths2;
-
-  int Size() const { return static_cast<int>(points1.size()); }
-  bool HasDepths(int i) const { return depths1[i] > 0 && depths2[i] > 0; }
-};
-
-struct TwoViewScore {
-  // Sum of min(Sampson error^2, max_error^2) [px^2]; a match that is not in
-  // front of both cameras costs max_error^2.
-  double cost = std::numeric_limits<double>::infinity();
-  int num_inliers = 0;
-};
-
-// Whether the two viewing rays of a match meet in front of both cameras. Rays
-// that are parallel within `max_error_px` count as meeting at infinity, so
-// that noise does not turn far points into outliers.
-class Cheirality {
- public:
-  Cheirality(const TwoViewModel& model, double max_error_px);
-  bool operator()(const Eigen::Vector2d& x1, const Eigen::Vector2d& x2) const;
-
- private:
-  Eigen::Matrix3d ray1_in_cam2_;  // of (x1, 1)
-  Eigen::Vector3d translation_;
-  double inverse_focal2_;
-  double max_sq_sine_;
-};
-
-// Scores stop (with an infinite cost) once `max_cost` is exceeded.
-TwoViewScore ScoreModel(const TwoViewData& data,
-                        const TwoViewModel& model,
-                        double max_error_px,
-                        double max_cost);
-// Without the test for points behind the cameras.
-TwoViewScore ScoreFundamentalMatrix(const TwoViewData& data,
-                                    const Eigen::Matrix3d& F,
-                                    double max_error_px,
-                                    double max_cost);
 
 // What the depths add to the cost.
 enum class DepthTerm {
@@ -75,8 +31,14 @@ enum class DepthTerm {
   REPROJECTION,
 };
 
+// Gaussian prior on a log focal length; stddev 0 = none.
+struct FocalPrior {
+  double focal_px = 1;
+  double log_stddev = 0;
+};
+
 // Sum over matches, of
-//   rho(Sampson error / stddev_px) + depth term + focal prior,
+//   rho(Sampson error / stddev_px) + depth term + focal and field priors,
 // each residual truncated by itself, so that a wrong depth does not cost the
 // match its epipolar information. Points behind the cameras pay the full
 // truncation.
@@ -92,16 +54,16 @@ struct TwoViewCostOptions {
   // Truncation of the transfer error in DepthTerm::REPROJECTION [px], at
   // which it costs as much as a Sampson error of max_epipolar_error_px.
   double max_reprojection_error_px = 16;
-  // Only so many of the first matches take part.
-  int max_num_matches = std::numeric_limits<int>::max();
   // Cauchy's loss up to the truncation instead of squares.
   bool cauchy = false;
-  // Refinement stops when a step lowers the cost by a smaller share.
-  double min_relative_decrease = 1e-5;
-  // Gaussian prior on unknown log focal lengths; stddev 0 = none.
-  double log_focal_prior_stddev = 0;
-  double focal_prior1_px = 1;
-  double focal_prior2_px = 1;
+  FocalPrior focal_prior1;
+  FocalPrior focal_prior2;
+  // Of each coefficient of the smooth depth errors [1], 0 = no such errors;
+  // with DepthTerm::WHITENED only.
+  double depth_field_stddev = 0;
+  // Lengths in which they are about one over the image [px].
+  double depth_field_unit1_px = 1;
+  double depth_field_unit2_px = 1;
 };
 
 struct TwoViewCost {
@@ -114,29 +76,97 @@ struct TwoViewCost {
   double Total() const { return epipolar + depth + prior; }
 };
 
-TwoViewCost EvaluateCost(const TwoViewData& data,
-                         const TwoViewModel& model,
-                         const TwoViewCostOptions& options);
-
 using TwoViewMatrix =
     Eigen::Matrix<double, kNumTwoViewParams, kNumTwoViewParams>;
 
-// Levenberg-Marquardt over the parameters that are unknown in `focal_case`.
-// Whitening follows the model from step to step. Returns the cost of the
-// result, never above that of the start. A model or step that is not finite
-// leaves the model as it was.
-TwoViewCost RefineModel(const TwoViewData& data,
-                        FocalCase focal_case,
-                        const TwoViewCostOptions& options,
-                        int max_num_iterations,
-                        TwoViewModel* model);
+struct NormalEquations {
+  TwoViewMatrix matrix = TwoViewMatrix::Zero();
+  TwoViewStep gradient = TwoViewStep::Zero();
+  // Of the depth fields, and between them and the model.
+  Eigen::Matrix<double, 2 * kNumDepthFieldTerms, 2 * kNumDepthFieldTerms>
+      field_matrix;
+  DepthFields field_gradient;
+  Eigen::Matrix<double, kNumTwoViewParams, 2 * kNumDepthFieldTerms> cross;
+};
 
-// Inverse of the Gauss-Newton matrix without prior: zero in the rows of known
-// parameters, huge on the diagonal where nothing is known. With a shared
-// focal length both its rows hold the same values.
-TwoViewMatrix EstimateCovariance(const TwoViewData& data,
-                                 FocalCase focal_case,
-                                 const TwoViewCostOptions& options,
-                                 const TwoViewModel& model);
+// Keeps references to its arguments.
+class TwoViewCostFunction {
+ public:
+  TwoViewCostFunction(const TwoViewData& data,
+                      const TwoViewCostOptions& options);
+
+  // Cost at `model`, and its normal equations. Whitens the depth term at this
+  // model, also for the following calls of Evaluate.
+  TwoViewCost Linearize(const TwoViewModel& model,
+                        const DepthFields& fields,
+                        NormalEquations* normal);
+  TwoViewCost Evaluate(const TwoViewModel& model,
+                       const DepthFields& fields) const;
+
+  // The whitened depth term alone, whitened at this model.
+  TwoViewCost EvaluateDepth(const TwoViewModel& model);
+
+  bool HasFields() const { return options_.depth_field_stddev > 0; }
+
+ private:
+  // Turns a transfer into the whitened residual (L^-1 r for L L^T = its
+  // covariance).
+  struct Whitening {
+    // Of the epipolar line; zero if the point cannot be transferred.
+    Eigen::Vector2d direction = Eigen::Vector2d::Zero();
+    double w11 = 0;
+    double w21 = 0;
+    double w22 = 0;
+    // Derivatives of the part along the line [px] and of the log of the
+    // transferred depth by the log depth.
+    double shift = 0;
+    double slope = 0;
+
+    Eigen::Vector2d operator()(const Transfer& transfer) const;
+  };
+
+  Whitening WhitenAt(const TwoViewModel& model,
+                     const Eigen::Matrix3d& F,
+                     const Transfer& transfer,
+                     int i) const;
+  double Loss(double sq_error, double max_sq_error, double* weight) const;
+  void AddEpipolar(const TwoViewModel& model,
+                   TwoViewCost* cost,
+                   NormalEquations* normal) const;
+  bool Forward(const TwoViewModel& model,
+               const DepthFields& fields,
+               int i,
+               Transfer* transfer) const;
+  void AddWhitened(const TwoViewModel& model,
+                   const DepthFields& fields,
+                   TwoViewCost* cost) const;
+  void AddWhitenedRows(int i,
+                       const TwoViewModel& model,
+                       const Transfer& transfer,
+                       double weight,
+                       NormalEquations* normal) const;
+  void LinearizeWhitened(const TwoViewModel& model,
+                         const DepthFields& fields,
+                         TwoViewCost* cost,
+                         NormalEquations* normal);
+  void AddReprojection(TransferDirection direction,
+                       const TwoViewModel& model,
+                       TwoViewCost* cost,
+                       NormalEquations* normal) const;
+  void AddPriors(const TwoViewModel& model,
+                 const DepthFields& fields,
+                 TwoViewCost* cost,
+                 NormalEquations* normal) const;
+
+  const TwoViewData& data_;
+  const TwoViewCostOptions& options_;
+  const double inverse_stddev_;
+  const double max_sq_epipolar_;
+  const double max_sq_depth_;
+  const double reprojection_weight_;
+  std::vector<Whitening> whitenings_;
+  // At the points of each match, if there are depth fields.
+  std::vector<DepthFieldBasis> basis1_, basis2_;
+};
 
 }  // namespace dgsfm

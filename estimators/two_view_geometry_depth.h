@@ -51,7 +51,8 @@ struct TwoViewDepthOptions {
   // Reprojection error that weighs as much as max_epipolar_error_px in the
   // hybrid refinement of the paper [px].
   double max_reprojection_error_px = 16.0;
-  // Trials of the robust estimation.
+  // Samples of matches; those with depth do not count if depth turns out to be
+  // useless.
   int min_num_trials = 100;
   int max_num_trials = 1000;
   // Probability that no better model is left when trials stop early [1].
@@ -91,8 +92,9 @@ struct TwoViewDepthInput {
 
 // What the matches of a pair cannot tell.
 struct TwoViewDegeneracy {
-  // A homography explains the inliers. The pose then rests on the depths; a
-  // depth-free one is one of several.
+  // A homography explains the inliers, and no rotation does. The pose then
+  // rests on the depths; a depth-free one is one of several. Unknown focal
+  // lengths are not identifiable.
   bool planar = false;
   // The translation cannot be told from zero: rotation and scale are valid,
   // the translation (and its direction above all) is not.
@@ -120,7 +122,8 @@ struct TwoViewDepthResult {
   std::vector<uint8_t> inlier_mask;
   int num_inliers = 0;
   int num_trials = 0;
-  // Noise of log depth between the two maps over inliers [1], 0 if unknown.
+  // Noise of log depth over inliers, per map and without errors that are smooth
+  // over the image [1], 0 if unknown.
   double depth_noise = 0;
   // Median angle between the two viewing rays of inliers [deg].
   double median_triangulation_angle_deg = 0;
@@ -132,7 +135,8 @@ struct TwoViewDepthResult {
   // [its unit], log scale, log focal length 1, log focal length 2. Rows of what
   // is known, or has no meaning (the scale without has_scale), are zero; both
   // rows of a shared focal length are equal. Without scale the translation
-  // varies across its direction only. Meaningful if has_covariance.
+  // varies across its direction only. Only with depth and identifiable focal
+  // lengths, as has_covariance tells.
   bool has_covariance = false;
   Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
 };

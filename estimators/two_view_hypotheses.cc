@@ -1,11 +1,9 @@
 #include "estimators/two_view_hypotheses.h"
 
 #include "estimators/solvers/epipolar.h"
+#include "estimators/solvers/five_points.h"
 #include "estimators/solvers/relative_pose_depth.h"
-
-#include <colmap/util/alignment.h>
-
-#include <colmap/estimators/essential_matrix.h>
+#include "estimators/two_view_score.h"
 
 #include <algorithm>
 #include <array>
@@ -14,6 +12,9 @@
 
 namespace dgsfm {
 namespace {
+
+// Log-normal prior around guessed focal lengths: a factor of 1.6.
+constexpr double kLogFocalGuessStddev = 0.5;
 
 // N distinct elements of `from`.
 template <size_t N>
@@ -152,15 +153,14 @@ class EpipolarHypothesisSource : public HypothesisSource {
 
   void SampleFive(SplitMix64* random, std::vector<Hypothesis>* hypotheses) {
     const std::array<int, 5> sample = SampleDistinct<5>(candidates_, random);
-    std::vector<Eigen::Vector2d> points1, points2;
-    for (const int i : sample) {
-      points1.push_back(data_.points1[i] / range_.guess1);
-      points2.push_back(data_.points2[i] / range_.guess2);
+    std::array<Eigen::Vector2d, 5> points1, points2;
+    for (int k = 0; k < 5; ++k) {
+      points1[k] = data_.points1[sample[k]] / range_.guess1;
+      points2[k] = data_.points2[sample[k]] / range_.guess2;
     }
-    for (const Eigen::Matrix3d& E :
-         colmap::EssentialMatrixFivePointEstimator::Estimate(points1,
-                                                             points2)) {
-      if (E.allFinite()) Add(E, /*focals_known=*/true, hypotheses);
+    const EssentialMatrices solutions = SolveFivePoints(points1, points2);
+    for (int i = 0; i < solutions.count; ++i) {
+      Add(solutions.values[i], /*focals_known=*/true, hypotheses);
     }
   }
 
@@ -234,8 +234,7 @@ TwoViewModel PoseInFront(const Eigen::Matrix3d& F,
     models[k].focal2 = focal2;
     const Cheirality cheirality(models[k], max_error_px);
     for (int i = 0; i < data.Size(); ++i) {
-      if (std::abs(SampsonError(F, data.points1[i], data.points2[i])) <
-              max_error_px &&
+      if (std::abs(data.Sampson(F, i)) < max_error_px &&
           cheirality(data.points1[i], data.points2[i])) {
         ++num_in_front[k];
       }
@@ -251,27 +250,52 @@ FocalRange FocalRange::Create(const TwoViewDepthInput& input,
                               const TwoViewDepthOptions& options) {
   FocalRange range;
   range.focal_case = input.focal_case;
-  range.guess1 = input.focal_length1_px;
-  range.guess2 = input.focal_length2_px;
-  range.min1 = options.min_focal_length_ratio * input.image_size1_px;
-  range.max1 = options.max_focal_length_ratio * input.image_size1_px;
-  range.min2 = options.min_focal_length_ratio * input.image_size2_px;
-  range.max2 = options.max_focal_length_ratio * input.image_size2_px;
+  const auto set = [&](double focal_length_px,
+                       double prior_focal_length_px,
+                       double image_size_px,
+                       bool known,
+                       double* guess,
+                       double* min,
+                       double* max,
+                       FocalPrior* prior) {
+    const bool has_prior = !known && prior_focal_length_px > 0;
+    *guess = has_prior ? prior_focal_length_px : focal_length_px;
+    *min = options.min_focal_length_ratio * image_size_px;
+    *max = options.max_focal_length_ratio * image_size_px;
+    if (known) return;
+    prior->focal_px = *guess;
+    prior->log_stddev =
+        has_prior ? input.prior_log_focal_stddev : kLogFocalGuessStddev;
+  };
+  set(input.focal_length1_px,
+      input.prior_focal_length1_px,
+      input.image_size1_px,
+      range.Knows1(),
+      &range.guess1,
+      &range.min1,
+      &range.max1,
+      &range.prior1);
+  set(input.focal_length2_px,
+      input.prior_focal_length2_px,
+      input.image_size2_px,
+      range.Knows2(),
+      &range.guess2,
+      &range.min2,
+      &range.max2,
+      &range.prior2);
   if (range.focal_case == FocalCase::SHARED) {
     range.guess1 = range.guess2 = std::sqrt(range.guess1 * range.guess2);
     range.min1 = range.min2 = std::max(range.min1, range.min2);
     range.max1 = range.max2 = std::min(range.max1, range.max2);
+    range.prior1.focal_px = range.guess1;
+    range.prior2 = FocalPrior();
   }
   return range;
 }
 
 bool FocalRange::Contains(const TwoViewModel& model) const {
-  const bool known1 =
-      focal_case == FocalCase::KNOWN || focal_case == FocalCase::ONE_SIDED1;
-  const bool known2 =
-      focal_case == FocalCase::KNOWN || focal_case == FocalCase::ONE_SIDED2;
-  return (known1 || (model.focal1 >= min1 && model.focal1 <= max1)) &&
-         (known2 || (model.focal2 >= min2 && model.focal2 <= max2));
+  return (Knows1() || (model.focal1 >= min1 && model.focal1 <= max1)) &&
+         (Knows2() || (model.focal2 >= min2 && model.focal2 <= max2));
 }
 
 std::unique_ptr<HypothesisSource> CreateDepthHypothesisSource(

@@ -5,6 +5,7 @@
 
 #include "estimators/random.h"
 #include "estimators/two_view_cost.h"
+#include "estimators/two_view_data.h"
 #include "estimators/two_view_geometry_depth.h"
 #include "estimators/two_view_model.h"
 
@@ -22,9 +23,19 @@ struct FocalRange {
   double guess2 = 0;
   double min1 = 0, max1 = 0;
   double min2 = 0, max2 = 0;
+  // On unknown focal lengths; one for both where they are shared.
+  FocalPrior prior1, prior2;
 
   static FocalRange Create(const TwoViewDepthInput& input,
                            const TwoViewDepthOptions& options);
+  bool Knows1() const {
+    return focal_case == FocalCase::KNOWN ||
+           focal_case == FocalCase::ONE_SIDED1;
+  }
+  bool Knows2() const {
+    return focal_case == FocalCase::KNOWN ||
+           focal_case == FocalCase::ONE_SIDED2;
+  }
   // Known focal lengths are not questioned.
   bool Contains(const TwoViewModel& model) const;
 };

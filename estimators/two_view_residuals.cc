@@ -5,37 +5,9 @@
 namespace dgsfm {
 namespace {
 
-// Points nearer to the camera plane than this share of their distance are
-// behind for our purposes: their projections are beyond any image.
-constexpr double kMinDepthRatio = 1e-3;
-
-bool Project(const Eigen::Vector3d& point,
-             double focal,
-             const Eigen::Vector2d& observed,
-             double observed_depth,
-             Transfer* transfer) {
-  if (!(point.z() > kMinDepthRatio * point.norm())) return false;
-  transfer->point = point;
-  transfer->error_px = (focal / point.z()) * point.head<2>() - observed;
-  transfer->log_depth_ratio =
-      observed_depth > 0 ? std::log(point.z() / observed_depth) : 0;
-  return true;
-}
-
-// On entry the derivative of the point, on return that of what Project made.
-void ChainProjection(const Eigen::Vector3d& point,
-                     double focal,
-                     int log_focal_param,
-                     bool has_observed_depth,
-                     TransferJacobian* jacobian) {
-  const double inverse_z = 1 / point.z();
-  const Eigen::Vector2d projected = focal * inverse_z * point.head<2>();
-  jacobian->row(2) *= inverse_z;
-  jacobian->topRows<2>() *= focal * inverse_z;
-  jacobian->topRows<2>() -= projected * jacobian->row(2);
-  jacobian->block<2, 1>(0, log_focal_param) += projected;
-  if (!has_observed_depth) jacobian->row(2).setZero();
-}
+// Points nearer to the camera plane than this share (squared) of their
+// distance are behind for our purposes: their projections are beyond any image.
+constexpr double kMinSqDepthRatio = 1e-6;
 
 }  // namespace
 
@@ -81,69 +53,76 @@ Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
   return jacobian;
 }
 
-bool TransferForward(const TwoViewModel& model,
-                     const Eigen::Vector2d& x1,
-                     double depth1,
-                     const Eigen::Vector2d& x2,
-                     double depth2,
-                     Transfer* transfer,
-                     TransferJacobian* jacobian) {
-  const Eigen::Vector3d point1(
-      depth1 * x1.x() / model.focal1, depth1 * x1.y() / model.focal1, depth1);
-  transfer->ray = model.rotation * point1;
-  if (!Project(transfer->ray + model.translation,
-               model.focal2,
-               x2,
-               model.scale * depth2,
-               transfer)) {
+bool TransferMatch(TransferDirection direction,
+                   const TwoViewModel& model,
+                   const Eigen::Vector2d& x1,
+                   double depth1,
+                   const Eigen::Vector2d& x2,
+                   double depth2,
+                   Transfer* transfer) {
+  const bool forward = direction == TransferDirection::FORWARD;
+  const double scaled_depth2 = model.scale * depth2;
+  if (forward) {
+    const double ratio = depth1 / model.focal1;
+    transfer->ray = model.rotation *
+                    Eigen::Vector3d(ratio * x1.x(), ratio * x1.y(), depth1);
+    transfer->point = transfer->ray + model.translation;
+  } else {
+    const double ratio = scaled_depth2 / model.focal2;
+    const Eigen::Vector3d point2(ratio * x2.x(), ratio * x2.y(), scaled_depth2);
+    transfer->ray = model.rotation.transpose() * point2;
+    transfer->point = model.rotation.transpose() * (point2 - model.translation);
+  }
+  const double z = transfer->point.z();
+  if (!(z > 0 && z * z > kMinSqDepthRatio * transfer->point.squaredNorm())) {
     return false;
   }
-  if (jacobian) {
-    jacobian->leftCols<3>() = -CrossProductMatrix(transfer->ray);
-    jacobian->middleCols<3>(3).setIdentity();
-    jacobian->col(kLogScaleParam).setZero();
-    jacobian->col(kLogFocal1Param) =
-        -(model.rotation.leftCols<2>() * point1.head<2>());
-    jacobian->col(kLogFocal2Param).setZero();
-    ChainProjection(
-        transfer->point, model.focal2, kLogFocal2Param, depth2 > 0, jacobian);
-    if (depth2 > 0) (*jacobian)(2, kLogScaleParam) -= 1;
-  }
+  transfer->error_px = ((forward ? model.focal2 : model.focal1) / z) *
+                           transfer->point.head<2>() -
+                       (forward ? x2 : x1);
+  const double observed_depth = forward ? scaled_depth2 : depth1;
+  transfer->log_depth_ratio =
+      observed_depth > 0 ? std::log(z / observed_depth) : 0;
   return true;
 }
 
-bool TransferBackward(const TwoViewModel& model,
-                      const Eigen::Vector2d& x1,
-                      double depth1,
-                      const Eigen::Vector2d& x2,
-                      double depth2,
-                      Transfer* transfer,
-                      TransferJacobian* jacobian) {
-  const double depth = model.scale * depth2;
-  const Eigen::Vector3d point2(
-      depth * x2.x() / model.focal2, depth * x2.y() / model.focal2, depth);
-  const Eigen::Matrix3d inverse_rotation = model.rotation.transpose();
-  transfer->ray = inverse_rotation * point2;
-  const Eigen::Vector3d point2_minus_t = point2 - model.translation;
-  if (!Project(inverse_rotation * point2_minus_t,
-               model.focal1,
-               x1,
-               depth1,
-               transfer)) {
-    return false;
+TwoViewStep TransferGradient(TransferDirection direction,
+                             const TwoViewModel& model,
+                             const Transfer& transfer,
+                             const Eigen::Vector2d& pixel_weights,
+                             double log_depth_weight) {
+  const bool forward = direction == TransferDirection::FORWARD;
+  const double inverse_z = 1 / transfer.point.z();
+  const double pixels_per_unit =
+      (forward ? model.focal2 : model.focal1) * inverse_z;
+  // By the log focal length of the image that the point is seen in.
+  const double by_focal =
+      pixels_per_unit * pixel_weights.dot(transfer.point.head<2>());
+  // By the transferred point.
+  const Eigen::Vector3d c(pixels_per_unit * pixel_weights.x(),
+                          pixels_per_unit * pixel_weights.y(),
+                          (log_depth_weight - by_focal) * inverse_z);
+  TwoViewStep gradient;
+  if (forward) {
+    gradient.head<3>() = transfer.ray.cross(c);
+    gradient.segment<3>(3) = c;
+    gradient(kLogScaleParam) = -log_depth_weight;
+    // The ray without its part along the optical axis of view 1, whose length
+    // is the depth and does not change.
+    const double depth1 = model.rotation.col(2).dot(transfer.ray);
+    gradient(kLogFocal1Param) =
+        depth1 * model.rotation.col(2).dot(c) - transfer.ray.dot(c);
+    gradient(kLogFocal2Param) = by_focal;
+  } else {
+    const Eigen::Vector3d c2 = model.rotation * c;
+    const Eigen::Vector3d point2 = model.rotation * transfer.ray;
+    gradient.head<3>() = c2.cross(point2 - model.translation);
+    gradient.segment<3>(3) = -c2;
+    gradient(kLogScaleParam) = c.dot(transfer.ray);
+    gradient(kLogFocal1Param) = by_focal;
+    gradient(kLogFocal2Param) = -c2.head<2>().dot(point2.head<2>());
   }
-  if (jacobian) {
-    jacobian->leftCols<3>() =
-        inverse_rotation * CrossProductMatrix(point2_minus_t);
-    jacobian->middleCols<3>(3) = -inverse_rotation;
-    jacobian->col(kLogScaleParam) = transfer->ray;
-    jacobian->col(kLogFocal1Param).setZero();
-    jacobian->col(kLogFocal2Param) =
-        -(inverse_rotation.leftCols<2>() * point2.head<2>());
-    ChainProjection(
-        transfer->point, model.focal1, kLogFocal1Param, depth1 > 0, jacobian);
-  }
-  return true;
+  return gradient;
 }
 
 }  // namespace dgsfm

@@ -7,9 +7,9 @@
 #include "tests/estimators/two_view_scene.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <string>
 #include <vector>
 
@@ -103,16 +103,15 @@ class PairStatistics {
   double num_trials_ = 0;
 };
 
-// The result and how long it took.
+// The result and the processor time it took.
 inline TwoViewDepthResult EstimateTimed(const TwoViewDepthInput& input,
                                         const TwoViewDepthOptions& options,
                                         double* milliseconds) {
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();
   const TwoViewDepthResult result =
       EstimateTwoViewGeometryWithDepth(input, options);
-  *milliseconds = std::chrono::duration<double, std::milli>(
-                      std::chrono::steady_clock::now() - begin)
-                      .count();
+  *milliseconds = 1e3 * static_cast<double>(std::clock() - begin) /
+                  static_cast<double>(CLOCKS_PER_SEC);
   return result;
 }
 

@@ -73,6 +73,44 @@ double LargestCubicRoot(double b, double c, double d) {
   return a + (a == 0 ? 0 : q / a) - b / 3;
 }
 
+// Value and slope of c[0] + ... + c[degree] x^degree.
+double EvaluateWithSlope(const double* c, int degree, double x, double* slope) {
+  double value = c[degree];
+  *slope = 0;
+  for (int k = degree - 1; k >= 0; --k) {
+    *slope = *slope * x + value;
+    value = value * x + c[k];
+  }
+  return value;
+}
+
+// The root between low and high, where the values have different signs: Newton
+// steps, bisection where they leave the bracket or do not halve it.
+double RootBetween(const double* c,
+                   int degree,
+                   double low,
+                   double high,
+                   bool rising,
+                   double precision) {
+  constexpr int kMaxNumSteps = 60;
+  double x = 0.5 * (low + high);
+  double last_step = high - low;
+  for (int step = 0; step < kMaxNumSteps; ++step) {
+    double slope;
+    const double value = EvaluateWithSlope(c, degree, x, &slope);
+    (value < 0) == rising ? low = x : high = x;
+    double next = x - value / slope;
+    if (!(next > low && next < high) ||
+        std::abs(next - x) > 0.5 * std::abs(last_step)) {
+      next = 0.5 * (low + high);
+    }
+    last_step = next - x;
+    x = next;
+    if (std::abs(last_step) <= precision * std::abs(x)) break;
+  }
+  return x;
+}
+
 }  // namespace
 
 RealRoots SolveQuadratic(const std::array<double, 3>& c) {
@@ -132,6 +170,58 @@ RealRoots SolveQuartic(const std::array<double, 5>& c) {
     }
   }
   Polish(c, &roots);
+  return roots;
+}
+
+BracketedRoots FindRealRoots(const std::array<double, 11>& c, double max_root) {
+  constexpr int kDegree = 10;
+  // Roots of derivatives only have to separate.
+  constexpr double kPrecision = 1e-13;
+  constexpr double kDerivativePrecision = 1e-3;
+  BracketedRoots roots;
+  if (!IsFinite(c)) return roots;
+  // Binomial coefficients: derivatives up to a factor.
+  static const auto factors = [] {
+    std::array<std::array<double, kDegree + 1>, kDegree + 1> table{};
+    for (int degree = 0; degree <= kDegree; ++degree) {
+      for (int k = 0; k <= degree; ++k) {
+        table[degree][k] = 1;
+        for (int j = 1; j <= kDegree - degree; ++j) {
+          table[degree][k] *= static_cast<double>(k + j) / j;
+        }
+      }
+    }
+    return table;
+  }();
+  // Roots of the derivatives, from the linear one up, separate those of the
+  // next.
+  for (int degree = 1; degree <= kDegree; ++degree) {
+    std::array<double, kDegree + 1> p;
+    for (int k = 0; k <= degree; ++k) {
+      p[k] = factors[degree][k] * c[k + kDegree - degree];
+    }
+    BracketedRoots next;
+    double slope;
+    double low = -max_root;
+    double low_value = EvaluateWithSlope(p.data(), degree, low, &slope);
+    for (int i = 0; i <= roots.count; ++i) {
+      const double high = i < roots.count ? roots.values[i] : max_root;
+      const double high_value =
+          EvaluateWithSlope(p.data(), degree, high, &slope);
+      if ((low_value < 0) != (high_value < 0)) {
+        next.values[next.count++] =
+            RootBetween(p.data(),
+                        degree,
+                        low,
+                        high,
+                        low_value < 0,
+                        degree == kDegree ? kPrecision : kDerivativePrecision);
+      }
+      low = high;
+      low_value = high_value;
+    }
+    roots = next;
+  }
   return roots;
 }
 

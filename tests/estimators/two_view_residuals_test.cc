@@ -54,16 +54,26 @@ Eigen::MatrixXd NumericJacobian(const TwoViewModel& model,
 }
 
 TEST(TwoViewResiduals, SampsonJacobianMatchesDifferences) {
+  const PointCovariance covariance1(1.5, 0.2, 0.7);
+  const PointCovariance covariance2(0.8, -0.3, 2);
   std::mt19937_64 random(1);
   for (int k = 0; k < 100; ++k) {
     const MatchCase match = CreateCase(&random);
     const auto residual = [&](const TwoViewModel& model) {
-      return Eigen::VectorXd::Constant(
-          1, SampsonError(model.FundamentalMatrix(), match.x1, match.x2));
+      return Eigen::VectorXd::Constant(1,
+                                       SampsonError(model.FundamentalMatrix(),
+                                                    match.x1,
+                                                    match.x2,
+                                                    covariance1,
+                                                    covariance2));
     };
     Eigen::Matrix3d gradient;
-    const double value = SampsonError(
-        match.model.FundamentalMatrix(), match.x1, match.x2, &gradient);
+    const double value = SampsonError(match.model.FundamentalMatrix(),
+                                      match.x1,
+                                      match.x2,
+                                      covariance1,
+                                      covariance2,
+                                      &gradient);
     EXPECT_EQ(value, residual(match.model)(0));
     const Eigen::MatrixXd jacobian =
         Eigen::Map<Eigen::Matrix<double, 1, 9>>(gradient.data()) *
@@ -73,61 +83,59 @@ TEST(TwoViewResiduals, SampsonJacobianMatchesDifferences) {
   }
 }
 
-template <typename TransferFunction>
-void ExpectTransferJacobian(const TransferFunction& transfer_match) {
+bool TransferCase(TransferDirection direction,
+                  const TwoViewModel& model,
+                  const MatchCase& match,
+                  Transfer* transfer) {
+  return TransferMatch(direction,
+                       model,
+                       match.x1,
+                       match.depth1,
+                       match.x2,
+                       match.depth2,
+                       transfer);
+}
+
+TEST(TwoViewResiduals, TransferGradientMatchesDifferences) {
   std::mt19937_64 random(2);
-  for (int k = 0; k < 100; ++k) {
-    const MatchCase match = CreateCase(&random);
-    const auto residual = [&](const TwoViewModel& model) {
+  const Eigen::Vector2d pixel_weights(0.3, -0.8);
+  constexpr double kLogDepthWeight = 50;
+  for (const auto direction :
+       {TransferDirection::FORWARD, TransferDirection::BACKWARD}) {
+    for (int k = 0; k < 100; ++k) {
+      const MatchCase match = CreateCase(&random);
+      const auto residual = [&](const TwoViewModel& model) {
+        Transfer transfer;
+        EXPECT_TRUE(TransferCase(direction, model, match, &transfer));
+        return Eigen::VectorXd::Constant(
+            1,
+            pixel_weights.dot(transfer.error_px) +
+                kLogDepthWeight * transfer.log_depth_ratio);
+      };
       Transfer transfer;
-      EXPECT_TRUE(transfer_match(model,
-                                 match.x1,
-                                 match.depth1,
-                                 match.x2,
-                                 match.depth2,
-                                 &transfer,
-                                 nullptr));
-      Eigen::VectorXd value(3);
-      value << transfer.error_px, transfer.log_depth_ratio;
-      return value;
-    };
-    Transfer transfer;
-    TransferJacobian jacobian;
-    ASSERT_TRUE(transfer_match(match.model,
-                               match.x1,
-                               match.depth1,
-                               match.x2,
-                               match.depth2,
-                               &transfer,
-                               &jacobian));
-    const Eigen::MatrixXd expected = NumericJacobian(match.model, residual);
-    for (int row = 0; row < 3; ++row) {
-      EXPECT_LT((jacobian.row(row) - expected.row(row)).norm(),
-                kTolerance * expected.row(row).norm());
+      ASSERT_TRUE(TransferCase(direction, match.model, match, &transfer));
+      const TwoViewStep gradient = TransferGradient(
+          direction, match.model, transfer, pixel_weights, kLogDepthWeight);
+      const Eigen::MatrixXd expected = NumericJacobian(match.model, residual);
+      EXPECT_LT((gradient.transpose() - expected).norm(),
+                kTolerance * expected.norm());
     }
   }
-}
-
-TEST(TwoViewResiduals, ForwardJacobianMatchesDifferences) {
-  ExpectTransferJacobian(TransferForward);
-}
-
-TEST(TwoViewResiduals, BackwardJacobianMatchesDifferences) {
-  ExpectTransferJacobian(TransferBackward);
 }
 
 TEST(TwoViewResiduals, BackwardIsForwardOfSwappedViews) {
   std::mt19937_64 random(3);
   const MatchCase match = CreateCase(&random);
   Transfer backward, forward;
-  ASSERT_TRUE(TransferBackward(
-      match.model, match.x1, match.depth1, match.x2, match.depth2, &backward));
-  ASSERT_TRUE(TransferForward(match.model.Inverse(),
-                              match.x2,
-                              match.depth2,
-                              match.x1,
-                              match.depth1,
-                              &forward));
+  ASSERT_TRUE(
+      TransferCase(TransferDirection::BACKWARD, match.model, match, &backward));
+  ASSERT_TRUE(TransferMatch(TransferDirection::FORWARD,
+                            match.model.Inverse(),
+                            match.x2,
+                            match.depth2,
+                            match.x1,
+                            match.depth1,
+                            &forward));
   // The same arithmetic in another order, on errors of up to 1e3 px.
   EXPECT_LT((backward.error_px - forward.error_px).norm(), 1e-9);
   EXPECT_NEAR(backward.log_depth_ratio, forward.log_depth_ratio, 1e-12);
@@ -137,8 +145,13 @@ TEST(TwoViewResiduals, PointBehindCameraIsRefused) {
   TwoViewModel model;
   model.translation.z() = -2;
   Transfer transfer;
-  EXPECT_FALSE(TransferForward(
-      model, {0, 0}, /*depth1=*/1, {0, 0}, /*depth2=*/1, &transfer));
+  EXPECT_FALSE(TransferMatch(TransferDirection::FORWARD,
+                             model,
+                             {0, 0},
+                             /*depth1=*/1,
+                             {0, 0},
+                             /*depth2=*/1,
+                             &transfer));
 }
 
 }  // namespace

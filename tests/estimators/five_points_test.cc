@@ -1,0 +1,102 @@
+#include "estimators/solvers/five_points.h"
+
+#include "estimators/solvers/polynomial.h"
+#include "estimators/two_view_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+TEST(FivePoints, FindsTruthOfExactProblems) {
+  constexpr int kNumProblems = 10000;
+  std::mt19937_64 random(1);
+  const auto uniform = [&](double min, double max) {
+    return std::uniform_real_distribution<double>(min, max)(random);
+  };
+  std::vector<double> distances;
+  int num_found = 0;
+  for (int problem = 0; problem < kNumProblems; ++problem) {
+    TwoViewModel truth;
+    const Eigen::Vector3d axis(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1));
+    truth.rotation =
+        Eigen::AngleAxisd(uniform(0, 1), axis.normalized()).toRotationMatrix();
+    truth.translation << uniform(-2, 2), uniform(-2, 2), uniform(-2, 2);
+    std::array<Eigen::Vector2d, 5> points1, points2;
+    for (int i = 0; i < 5; ++i) {
+      const double z = uniform(3, 10);
+      const Eigen::Vector3d point1(z * uniform(-1, 1), z * uniform(-1, 1), z);
+      points1[i] = point1.hnormalized();
+      points2[i] = (truth.rotation * point1 + truth.translation).hnormalized();
+    }
+    const Eigen::Matrix3d E = truth.EssentialMatrix().normalized();
+    const EssentialMatrices solutions = SolveFivePoints(points1, points2);
+    ASSERT_LE(solutions.count, 10);
+    double best = 1;
+    for (int i = 0; i < solutions.count; ++i) {
+      const Eigen::Matrix3d solution = solutions.values[i].normalized();
+      best = std::min({best, (solution - E).norm(), (solution + E).norm()});
+    }
+    distances.push_back(best);
+    num_found += best < 1e-6;
+  }
+  // Points behind camera 2 and solutions with |z| > 100 included.
+  EXPECT_GE(num_found, 0.97 * kNumProblems);
+  std::nth_element(
+      distances.begin(), distances.begin() + kNumProblems / 2, distances.end());
+  // Rounding, amplified by an elimination of size 10.
+  EXPECT_LT(distances[kNumProblems / 2], 1e-11);
+}
+
+TEST(FivePoints, DegenerateProblemsGiveFiniteSolutionsOrNone) {
+  std::array<Eigen::Vector2d, 5> line, point;
+  for (int i = 0; i < 5; ++i) {
+    line[i] << i, 2 * i;
+    point[i].setZero();
+  }
+  for (const auto& points : {line, point}) {
+    const EssentialMatrices solutions = SolveFivePoints(points, points);
+    for (int i = 0; i < solutions.count; ++i) {
+      EXPECT_TRUE(solutions.values[i].allFinite());
+    }
+  }
+}
+
+TEST(Polynomial, FindsAllRealRootsOfDegreeTen) {
+  // (x + 3) (x + 0.5) (x - 0.1) (x - 2) (x^2 + 1)^3, and with x^2 - 1e-6
+  // instead of one of x^2 + 1.
+  for (const double last : {1.0, -1e-6}) {
+    std::vector<double> c = {1};
+    const auto multiply = [&c](const std::vector<double>& factor) {
+      std::vector<double> product(c.size() + factor.size() - 1, 0);
+      for (size_t i = 0; i < c.size(); ++i) {
+        for (size_t k = 0; k < factor.size(); ++k) {
+          product[i + k] += c[i] * factor[k];
+        }
+      }
+      c = product;
+    };
+    for (const double root : {-3.0, -0.5, 0.1, 2.0}) multiply({-root, 1});
+    multiply({1, 0, 1});
+    multiply({1, 0, 1});
+    multiply({last, 0, 1});
+    std::array<double, 11> coefficients;
+    std::copy(c.begin(), c.end(), coefficients.begin());
+    std::vector<double> expected = {-3, -0.5, 0.1, 2};
+    if (last < 0) expected = {-3, -0.5, -1e-3, 1e-3, 0.1, 2};
+    const BracketedRoots found = FindRealRoots(coefficients, 10);
+    ASSERT_EQ(found.count, static_cast<int>(expected.size()));
+    for (int i = 0; i < found.count; ++i) {
+      // The two roots near zero are badly conditioned.
+      EXPECT_NEAR(found.values[i], expected[i], 1e-11);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace dgsfm
