@@ -236,6 +236,20 @@ TEST(VerifyPair, EstimatesTheFocalLengthsThatAreNotKnown) {
   EXPECT_NEAR(geometry.focal_length1_px, 700, 7);
 }
 
+TEST(VerifyPair, TakesOutPairsWhoseMatchesDoNotMove) {
+  TestPairOptions options;
+  options.noise_px = 0;
+  TestPair pair = CreatePair(Pinhole(true), Pinhole(true), options);
+  // A watermark: the same pixels in both images.
+  colmap::Image watermark = pair.scene.images.at(1);
+  watermark.SetImageId(2);
+  watermark.SetCameraId(2);
+  pair.scene.images.at(2) = watermark;
+  const PairGeometry geometry = Verify(pair);
+  EXPECT_EQ(geometry.status, PairStatus::STATIONARY);
+  EXPECT_TRUE(geometry.Has(PairDegeneracy::STATIONARY));
+}
+
 TEST(PairFingerprint, ChangesWithAllThatThePairIsVerifiedFrom) {
   const TestPair pair = CreatePair(Pinhole(true), Pinhole(false));
   const colmap::image_pair_t pair_id = PairIdOfImages(1, 2);
