@@ -32,12 +32,6 @@ double RobustStddev(std::vector<double> values) {
   return 1.4826 * Median(std::move(values));
 }
 
-PointCovariance CovarianceOfPoint(const Eigen::Matrix2d& pixel_jacobian) {
-  const Eigen::Matrix2d inverse = pixel_jacobian.inverse();
-  const Eigen::Matrix2d covariance = inverse * inverse.transpose();
-  return {covariance(0, 0), covariance(0, 1), covariance(1, 1)};
-}
-
 TwoViewData OrderedData(const DepthMatches& matches,
                         const std::vector<int>& order) {
   TwoViewData data;
@@ -55,10 +49,10 @@ TwoViewData OrderedData(const DepthMatches& matches,
   }
   if (!matches.pixel_jacobians1.empty()) {
     for (const Eigen::Matrix2d& jacobian : matches.pixel_jacobians1) {
-      data.covariances1.push_back(CovarianceOfPoint(jacobian));
+      data.covariances1.push_back(UndistortedCovariance(jacobian));
     }
     for (const Eigen::Matrix2d& jacobian : matches.pixel_jacobians2) {
-      data.covariances2.push_back(CovarianceOfPoint(jacobian));
+      data.covariances2.push_back(UndistortedCovariance(jacobian));
     }
   }
   return data.Subset(order);

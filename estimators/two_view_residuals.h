@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 
 namespace dgsfm {
 
@@ -33,6 +34,15 @@ Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
 using PointCovariance = Eigen::Vector3d;
 
 inline PointCovariance UnitPointCovariance() { return {1, 0, 1}; }
+
+// Of a point whose noise in the distorted image is of unit covariance, by the
+// derivative of its pixel there.
+inline PointCovariance UndistortedCovariance(
+    const Eigen::Matrix2d& pixel_jacobian) {
+  const Eigen::Matrix2d inverse = pixel_jacobian.inverse();
+  const Eigen::Matrix2d covariance = inverse * inverse.transpose();
+  return {covariance(0, 0), covariance(0, 1), covariance(1, 1)};
+}
 
 // Sampson error [px of the images] of (x1, x2), zero where its gradient
 // vanishes (at both epipoles). With `gradient`, its derivative with respect to

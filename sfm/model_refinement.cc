@@ -67,7 +67,11 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
     const auto point2 =
         UndistortPoint(camera2, image2.Point2D(match.point2D_idx2).XY());
     if (point1 && point2 &&
-        std::abs(SampsonError(F, point1->point, point2->point)) <=
+        std::abs(SampsonError(F,
+                              point1->point,
+                              point2->point,
+                              UndistortedCovariance(point1->pixel_jacobian),
+                              UndistortedCovariance(point2->pixel_jacobian))) <=
             max_error_px &&
         used1.count(match.point2D_idx1) == 0 &&
         used2.count(match.point2D_idx2) == 0) {
