@@ -36,15 +36,13 @@ std::map<std::string, Rigid3d> Poses(const colmap::Reconstruction& model) {
   return poses;
 }
 
-Outcome MapSynthetic(const SyntheticScene& synthetic,
-                     DepthGlobalMapperOptions options = {},
-                     bool use_depth = true) {
+Outcome MapScene(const SyntheticScene& synthetic,
+                 const Scene& scene,
+                 const KeypointDepthMap& depths,
+                 DepthGlobalMapperOptions options) {
   PairVerificationOptions verification;
   verification.num_threads = 1;
   options.num_threads = 1;
-  const Scene scene = SceneFromSynthetic(synthetic);
-  const KeypointDepthMap depths =
-      use_depth ? KeypointDepthsFromSynthetic(synthetic) : KeypointDepthMap();
   Outcome outcome;
   outcome.pairs = VerifyPairs(scene, depths, verification);
   outcome.result =
@@ -56,6 +54,16 @@ Outcome MapSynthetic(const SyntheticScene& synthetic,
                       Poses(*outcome.result.models[0]));
   }
   return outcome;
+}
+
+Outcome MapSynthetic(const SyntheticScene& synthetic,
+                     const DepthGlobalMapperOptions& options = {},
+                     bool use_depth = true) {
+  return MapScene(
+      synthetic,
+      SceneFromSynthetic(synthetic),
+      use_depth ? KeypointDepthsFromSynthetic(synthetic) : KeypointDepthMap(),
+      options);
 }
 
 double MaxError(const PoseMetrics& metrics) {
@@ -94,6 +102,47 @@ TEST(DepthGlobalMapper, UnknownFocalLengthsAreFound) {
   for (const auto& [camera_id, camera] : outcome.result.models[0]->Cameras()) {
     const double truth = synthetic.cameras.at(camera_id).MeanFocalLength();
     EXPECT_NEAR(camera.MeanFocalLength() / truth, 1, 1e-4);
+  }
+}
+
+TEST(DepthGlobalMapper, KnownDistortionIsUsed) {
+  // The ring seen by a fisheye lens and by one of strong distortion: key points
+  // move along their rays' images, all else stays.
+  SyntheticSceneOptions options = SmallRing();
+  options.camera.focal_length_px = 400;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const std::vector<std::pair<std::string, std::vector<double>>> lenses = {
+      {"OPENCV_FISHEYE", {400, 410, 405, 290, 0.02, -0.01, 2e-3, 0}},
+      {"RADIAL", {420, 410, 290, -0.2, 0.04}}};
+  for (const auto& [model, params] : lenses) {
+    Scene scene = SceneFromSynthetic(synthetic);
+    for (auto& [image_id, image] : scene.images) {
+      colmap::Camera lens = scene.cameras.at(image.CameraId());
+      lens.SetModelIdFromName(model);
+      lens.SetParams(params);
+      colmap::Image seen;
+      seen.SetImageId(image_id);
+      seen.SetName(image.Name());
+      seen.SetCameraId(image.CameraId());
+      std::vector<Eigen::Vector2d> xys;
+      for (const colmap::Point2D& point2D : image.Points2D()) {
+        xys.push_back(lens.WorldToImage(
+            synthetic.cameras.at(image.CameraId()).ImageToWorld(point2D.XY())));
+      }
+      seen.SetPoints2D(xys);
+      image = seen;
+    }
+    for (auto& [camera_id, camera] : scene.cameras) {
+      camera.SetModelIdFromName(model);
+      camera.SetParams(params);
+    }
+    const Outcome outcome =
+        MapScene(synthetic, scene, KeypointDepthsFromSynthetic(synthetic), {});
+    ASSERT_EQ(outcome.result.models.size(), 1) << model;
+    EXPECT_EQ(outcome.metrics.num_registered, 12);
+    // The bar for exact data, as above.
+    EXPECT_LT(MaxError(outcome.metrics), 1e-2) << model;
+    EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 1e-4);
   }
 }
 
