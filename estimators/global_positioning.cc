@@ -44,6 +44,17 @@ bool AllFinite(const std::vector<Eigen::Vector3d>& vectors) {
   });
 }
 
+// Scaled about `center`, which moves to `new_center`.
+std::vector<Eigen::Vector3d> Scaled(std::vector<Eigen::Vector3d> vectors,
+                                    const Eigen::Vector3d& center,
+                                    double scale,
+                                    const Eigen::Vector3d& new_center) {
+  for (Eigen::Vector3d& vector : vectors) {
+    vector = new_center + scale * (vector - center);
+  }
+  return vectors;
+}
+
 // Logarithms of the distance between camera and point of each observation; a
 // distance of zero counts as the smallest number.
 std::vector<double> LogDistances(
@@ -156,13 +167,12 @@ GlobalPositioningSummary SolveGlobalPositioning(
   const std::vector<double> start_log_distances =
       LogDistances(observations, *centers, *points);
   const Eigen::Vector3d origin = (*centers)[fixed_camera];
+  const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
   const double unit = std::exp(Median(start_log_distances));
-  const auto normalize = [&](std::vector<Eigen::Vector3d> vectors) {
-    for (Eigen::Vector3d& vector : vectors) vector = (vector - origin) / unit;
-    return vectors;
-  };
-  std::vector<Eigen::Vector3d> unit_centers = normalize(*centers);
-  std::vector<Eigen::Vector3d> unit_points = normalize(*points);
+  std::vector<Eigen::Vector3d> unit_centers =
+      Scaled(*centers, origin, 1 / unit, zero);
+  std::vector<Eigen::Vector3d> unit_points =
+      Scaled(*points, origin, 1 / unit, zero);
   const ceres::Solver::Summary solver_summary =
       Solve(observations, fixed_camera, options, &unit_centers, &unit_points);
   // The first entry is the start.
@@ -179,18 +189,15 @@ GlobalPositioningSummary SolveGlobalPositioning(
     log_growths[k] -= start_log_distances[k];
   }
   const double world_from_unit = std::exp(-Median(log_growths));
-  const auto to_world = [&](const Eigen::Vector3d& vector) {
-    return Eigen::Vector3d(origin + world_from_unit * vector);
-  };
-  for (Eigen::Vector3d& vector : unit_centers) vector = to_world(vector);
-  for (Eigen::Vector3d& vector : unit_points) vector = to_world(vector);
-  if (!AllFinite(unit_centers) || !AllFinite(unit_points)) {
+  const auto new_centers = Scaled(unit_centers, zero, world_from_unit, origin);
+  const auto new_points = Scaled(unit_points, zero, world_from_unit, origin);
+  if (!AllFinite(new_centers) || !AllFinite(new_points)) {
     summary.message = "solution is not finite";
     return summary;
   }
   for (const PositioningObservation& observation : observations) {
-    (*centers)[observation.camera] = unit_centers[observation.camera];
-    (*points)[observation.point] = unit_points[observation.point];
+    (*centers)[observation.camera] = new_centers[observation.camera];
+    (*points)[observation.point] = new_points[observation.point];
   }
   (*centers)[fixed_camera] = origin;
   summary.success = true;

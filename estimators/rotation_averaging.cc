@@ -54,6 +54,45 @@ std::vector<Eigen::Quaterniond> ChainAlongTree(
   return rotations;
 }
 
+// With R_i <- R_i exp(x_i), the residual e = log(R_2^T R_21 R_1) changes by
+// x_1 - x_2 to first order. The exact derivative has the same gradient, for e
+// is an eigenvector of its own Jacobian: fixed points are minima.
+bool RefineRotations(const std::vector<RelativeRotation>& relatives,
+                     const Eigen::VectorXd& edge_weights,
+                     const RotationAveragingOptions& options,
+                     GraphLaplacianSolver* solver,
+                     std::vector<Eigen::Quaterniond>* estimates) {
+  const auto compute_residuals = [&]() {
+    Eigen::MatrixXd residuals(relatives.size(), 3);
+    for (size_t e = 0; e < relatives.size(); ++e) {
+      residuals.row(e) = LogRotation(
+          (*estimates)[relatives[e].node2].conjugate() *
+          relatives[e].cam2_from_cam1 * (*estimates)[relatives[e].node1]);
+    }
+    return residuals;
+  };
+  const auto apply_steps = [&](const Eigen::MatrixXd& steps) {
+    for (size_t node = 0; node < estimates->size(); ++node) {
+      Eigen::Quaterniond& rotation = (*estimates)[node];
+      rotation = (rotation * ExpRotation(steps.row(node))).normalized();
+    }
+  };
+  const ReweightingPhase l1_phase{L1Weight(kL1Floor),
+                                  options.max_num_l1_iterations,
+                                  options.step_convergence_threshold_rad};
+  const ReweightingPhase irls_phase{
+      GemanMcClureWeight(options.loss_scale_deg * M_PI / 180),
+      options.max_num_irls_iterations,
+      options.step_convergence_threshold_rad};
+  for (const ReweightingPhase& phase : {l1_phase, irls_phase}) {
+    if (!SolveReweighted(
+            phase, edge_weights, compute_residuals, apply_steps, solver)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 bool RotationAveragingOptions::IsValid(std::string* error) const {
@@ -99,52 +138,22 @@ bool AverageRotations(int num_nodes,
   if (static_cast<int>(tree.order.size()) < num_nodes) return false;
 
   std::vector<Eigen::Quaterniond> estimates;
-  if (static_cast<int>(rotations->size()) == num_nodes) {
+  const bool has_start = static_cast<int>(rotations->size()) == num_nodes;
+  if (has_start) {
     for (const Eigen::Quaterniond& rotation : *rotations) {
       estimates.push_back(NormalizedChecked(rotation));
     }
   } else {
     estimates = ChainAlongTree(relatives, tree);
   }
-
-  // With R_i <- R_i exp(x_i), the residual e = log(R_2^T R_21 R_1) changes by
-  // x_1 - x_2 to first order. The exact derivative has the same gradient, for
-  // e is an eigenvector of its own Jacobian: fixed points are minima.
-  const auto compute_residuals = [&]() {
-    Eigen::MatrixXd residuals(relatives.size(), 3);
-    for (size_t e = 0; e < relatives.size(); ++e) {
-      residuals.row(e) = LogRotation(estimates[relatives[e].node2].conjugate() *
-                                     relatives[e].cam2_from_cam1 *
-                                     estimates[relatives[e].node1]);
-    }
-    return residuals;
-  };
-  const auto apply_steps = [&](const Eigen::MatrixXd& steps) {
-    for (int node = 0; node < num_nodes; ++node) {
-      estimates[node] =
-          (estimates[node] * ExpRotation(steps.row(node))).normalized();
-    }
-  };
-  const ReweightingPhase l1_phase{L1Weight(kL1Floor),
-                                  options.max_num_l1_iterations,
-                                  options.step_convergence_threshold_rad};
-  const ReweightingPhase irls_phase{
-      GemanMcClureWeight(options.loss_scale_deg * M_PI / 180),
-      options.max_num_irls_iterations,
-      options.step_convergence_threshold_rad};
   const Eigen::VectorXd edge_weights =
       Eigen::Map<const Eigen::VectorXd>(weights.data(), weights.size());
   GraphLaplacianSolver solver(num_nodes, edges, fixed_node);
-  for (const ReweightingPhase& phase : {l1_phase, irls_phase}) {
-    if (!SolveReweighted(
-            phase, edge_weights, compute_residuals, apply_steps, &solver)) {
-      return false;
-    }
+  if (!RefineRotations(relatives, edge_weights, options, &solver, &estimates)) {
+    return false;
   }
   // The fixed node's start is handed back bit by bit.
-  if (static_cast<int>(rotations->size()) == num_nodes) {
-    estimates[fixed_node] = (*rotations)[fixed_node];
-  }
+  if (has_start) estimates[fixed_node] = (*rotations)[fixed_node];
   *rotations = std::move(estimates);
   return true;
 }
