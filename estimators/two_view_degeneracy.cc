@@ -13,7 +13,6 @@ namespace dgsfm {
 namespace {
 
 constexpr double kMinShare = 0.8;
-constexpr double kErrorFactor = 2;
 
 // Indices of the matches with |H x1 - x2| below the bound.
 std::vector<int> FittingMatches(const TwoViewData& data,
@@ -100,7 +99,6 @@ bool IsPlanar(const TwoViewData& inliers,
   constexpr int kNumTrials = 100;
   constexpr int kMinNumMatches = 8;
   if (inliers.Size() < kMinNumMatches) return false;
-  const double max_error = kErrorFactor * max_error_px;
   std::vector<int> best;
   Eigen::Matrix3d best_H = Eigen::Matrix3d::Identity();
   for (int trial = 0; trial < kNumTrials && !IsMost(best.size(), inliers);
@@ -111,7 +109,7 @@ bool IsPlanar(const TwoViewData& inliers,
     const Eigen::Matrix3d H =
         ProjectiveBasis(inliers.points2, sample) *
         ProjectiveBasis(inliers.points1, sample).inverse();
-    std::vector<int> fitting = FittingMatches(inliers, H, max_error);
+    std::vector<int> fitting = FittingMatches(inliers, H, max_error_px);
     if (fitting.size() <= best.size()) continue;
     best = std::move(fitting);
     best_H = H;
@@ -121,7 +119,7 @@ bool IsPlanar(const TwoViewData& inliers,
     if (IsMost(best.size(), inliers)) return true;
     best_H /= best_H(2, 2);
     best_H = RefineHomography(inliers, best, best_H);
-    best = FittingMatches(inliers, best_H, max_error);
+    best = FittingMatches(inliers, best_H, max_error_px);
   }
   return IsMost(best.size(), inliers);
 }
@@ -132,7 +130,6 @@ bool IsRotationOnly(const TwoViewData& inliers,
   // The model's own rotation makes up for its translation.
   constexpr int kNumRefinements = 3;
   constexpr double kStartFactor = 3;
-  const double max_error = kErrorFactor * max_error_px;
   const auto fitting_matches = [&](const Eigen::Matrix3d& rotation,
                                    double bound) {
     const Eigen::Matrix3d H =
@@ -141,18 +138,17 @@ bool IsRotationOnly(const TwoViewData& inliers,
     return FittingMatches(inliers, H, bound);
   };
   std::vector<int> fitting =
-      fitting_matches(model.rotation, kStartFactor * max_error);
+      fitting_matches(model.rotation, kStartFactor * max_error_px);
   for (int k = 0; k < kNumRefinements; ++k) {
-    fitting = fitting_matches(FitRotation(inliers, fitting, model), max_error);
+    fitting =
+        fitting_matches(FitRotation(inliers, fitting, model), max_error_px);
   }
   return IsMost(fitting.size(), inliers);
 }
 
 bool IsStationary(const TwoViewData& inliers, double max_error_px) {
   return IsMost(
-      FittingMatches(
-          inliers, Eigen::Matrix3d::Identity(), kErrorFactor * max_error_px)
-          .size(),
+      FittingMatches(inliers, Eigen::Matrix3d::Identity(), max_error_px).size(),
       inliers);
 }
 

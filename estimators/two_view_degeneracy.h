@@ -8,8 +8,8 @@
 
 namespace dgsfm {
 
-// All tests look at matches that fit a model within `max_error_px`; each says
-// yes if at least 80 % of them fit the simpler explanation within twice that.
+// All tests look at the inliers of a model; each says yes if at least 80 % of
+// them fit a simpler explanation within `max_error_px` in the second image.
 
 // A homography, of the best of 100 samples and refined.
 bool IsPlanar(const TwoViewData& inliers,

@@ -52,7 +52,7 @@ class Finisher {
   void RefineWithoutDepth();
   void Report(TwoViewDepthResult* result) const;
   void ReportCovariance(TwoViewDepthResult* result) const;
-  void ReportDegeneracy(SplitMix64* random, TwoViewDepthResult* result) const;
+  void ReportDegeneracy(SplitMix64* random, TwoViewDepthResult* result);
 
   const TwoViewProblem& problem_;
   const TwoViewDepthOptions& options_;
@@ -246,15 +246,21 @@ void Finisher::ReportCovariance(TwoViewDepthResult* result) const {
 }
 
 void Finisher::ReportDegeneracy(SplitMix64* random,
-                                TwoViewDepthResult* result) const {
+                                TwoViewDepthResult* result) {
   const FocalRange& range = problem_.Range();
   const TwoViewData inliers = data_.Subset(problem_.Inliers(candidate_.model));
-  const double max_error_px = options_.max_epipolar_error_px;
+  if (inliers.Size() == 0) return;
+  // Of the deviations from a homography by noise alone, 98 % are below this;
+  // relief of that size still tells something.
+  const double max_homography_error_px =
+      4 * EstimateNoise(candidate_.model, /*with_depth=*/false).stddev_px;
+  const double max_error_px = 2 * options_.max_epipolar_error_px;
   TwoViewDegeneracy& degeneracy = result->degeneracy;
   // A rotation comes with a homography, too, but tells the focal lengths.
   const bool is_rotation =
       IsRotationOnly(inliers, candidate_.model, max_error_px);
-  degeneracy.planar = !is_rotation && IsPlanar(inliers, max_error_px, random);
+  degeneracy.planar =
+      !is_rotation && IsPlanar(inliers, max_homography_error_px, random);
   degeneracy.rotation_only =
       result->has_covariance
           ? IsWithinNoise(candidate_.model.translation, covariance_)

@@ -1,6 +1,7 @@
 #include "estimators/solvers/relative_pose_depth.h"
 
 #include "estimators/solvers/polynomial.h"
+#include "estimators/solvers/triangle_alignment.h"
 
 #include <cmath>
 #include <cstddef>
@@ -9,12 +10,6 @@
 
 namespace dgsfm {
 namespace {
-
-using Triangle = std::array<Eigen::Vector3d, 3>;
-
-// Sine of the angle at the first corner below which a triangle counts as a
-// line: its normal is then mostly rounding or noise.
-constexpr double kMinTriangleSine = 1e-6;
 
 template <size_t N>
 using Polynomial = std::array<double, N>;  // c[0] + c[1] x + ...
@@ -41,30 +36,6 @@ Polynomial<N> operator*(double factor, Polynomial<N> a) {
   return a;
 }
 
-Triangle Lift(const std::array<Eigen::Vector2d, 3>& points,
-              const std::array<double, 3>& depths,
-              double focal) {
-  Triangle triangle;
-  for (int i = 0; i < 3; ++i) {
-    triangle[i] << points[i] * (depths[i] / focal), depths[i];
-  }
-  return triangle;
-}
-
-// Columns: along the first side, in the plane, along the normal.
-bool TriangleFrame(const Triangle& triangle, Eigen::Matrix3d* frame) {
-  const Eigen::Vector3d side12 = triangle[1] - triangle[0];
-  const Eigen::Vector3d side13 = triangle[2] - triangle[0];
-  const Eigen::Vector3d normal = side12.cross(side13);
-  if (!(normal.norm() > kMinTriangleSine * side12.norm() * side13.norm())) {
-    return false;
-  }
-  frame->col(0) = side12.normalized();
-  frame->col(2) = normal.normalized();
-  frame->col(1) = frame->col(2).cross(frame->col(0));
-  return true;
-}
-
 // Adds the model that moves triangle 1 onto triangle 2.
 void AddAligned(const Triangle& triangle1,
                 const Triangle& triangle2,
@@ -72,17 +43,11 @@ void AddAligned(const Triangle& triangle1,
                 double focal1,
                 double focal2,
                 TwoViewModels* models) {
-  Eigen::Matrix3d frame1, frame2;
-  if (!TriangleFrame(triangle1, &frame1) ||
-      !TriangleFrame(triangle2, &frame2)) {
+  TwoViewModel model;
+  if (!AlignTriangles(
+          triangle1, triangle2, &model.rotation, &model.translation)) {
     return;
   }
-  TwoViewModel model;
-  model.rotation = frame2 * frame1.transpose();
-  model.translation =
-      (triangle2[0] + triangle2[1] + triangle2[2] -
-       model.rotation * (triangle1[0] + triangle1[1] + triangle1[2])) /
-      3;
   model.scale = scale;
   model.focal1 = focal1;
   model.focal2 = focal2;
@@ -100,20 +65,24 @@ struct SideEquations {
   std::array<double, 3> g1, h1, g2, h2;  // sides 12, 13, 23
 
   SideEquations(const DepthTriplet& in, bool shared_point_unit) {
+    constexpr double kThird = 1.0 / 3;
     for (int i = 0; i < 3; ++i) {
-      depth_unit1 += in.depths1[i] / 3;
-      depth_unit2 += in.depths2[i] / 3;
-      point_unit1 += in.points1[i].norm() / 3;
-      point_unit2 += in.points2[i].norm() / 3;
+      depth_unit1 += kThird * in.depths1[i];
+      depth_unit2 += kThird * in.depths2[i];
+      point_unit1 += kThird * in.points1[i].norm();
+      point_unit2 += kThird * in.points2[i].norm();
     }
     if (shared_point_unit) {
       point_unit1 = point_unit2 = (point_unit1 + point_unit2) / 2;
     }
+    const Eigen::Vector4d factors =
+        Eigen::Vector4d(point_unit1, point_unit2, depth_unit1, depth_unit2)
+            .cwiseInverse();
     for (int i = 0; i < 3; ++i) {
-      triplet.points1[i] = in.points1[i] / point_unit1;
-      triplet.points2[i] = in.points2[i] / point_unit2;
-      triplet.depths1[i] = in.depths1[i] / depth_unit1;
-      triplet.depths2[i] = in.depths2[i] / depth_unit2;
+      triplet.points1[i] = in.points1[i] * factors(0);
+      triplet.points2[i] = in.points2[i] * factors(1);
+      triplet.depths1[i] = in.depths1[i] * factors(2);
+      triplet.depths2[i] = in.depths2[i] * factors(3);
     }
     constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
     for (int k = 0; k < 3; ++k) {
@@ -141,7 +110,8 @@ struct SideEquations {
                 TwoViewModels* models) const {
     Triangle scaled2 = triangle2;
     for (Eigen::Vector3d& corner : scaled2) corner *= scale * depth_unit1;
-    Triangle triangle1 = Lift(triplet.points1, triplet.depths1, focal1);
+    Triangle triangle1 =
+        LiftTriangle(triplet.points1.data(), triplet.depths1, focal1);
     for (Eigen::Vector3d& corner : triangle1) corner *= depth_unit1;
     AddAligned(triangle1,
                scaled2,
@@ -176,11 +146,43 @@ void PolishDepths(const Eigen::Matrix3d& dots,
   }
 }
 
+// Newton on the three sides for (phi, s^2, b_3); m are products of the image
+// points of view 2.
+void PolishSharedFocal(const SideEquations& sides,
+                       double m3,
+                       double m13,
+                       double m23,
+                       Eigen::Vector3d* unknowns) {
+  const auto& y = sides.triplet.points2;
+  const double m[2] = {m13, m23};
+  const double phi = (*unknowns)(0);
+  const double sq_scale = (*unknowns)(1);
+  const double depth3 = (*unknowns)(2);
+  Eigen::Vector3d residual;
+  Eigen::Matrix3d jacobian;
+  const double side12 = sides.g2[0] * phi + sides.h2[0];
+  residual(0) = sides.g1[0] * phi + sides.h1[0] - sq_scale * side12;
+  jacobian.row(0) << sides.g1[0] - sq_scale * sides.g2[0], -side12, 0;
+  for (int k = 0; k < 2; ++k) {
+    const double b = sides.triplet.depths2[k];
+    const double g = b * b * y[k].squaredNorm() - 2 * b * depth3 * m[k] +
+                     depth3 * depth3 * m3;
+    const double side = g * phi + (b - depth3) * (b - depth3);
+    residual(k + 1) = sides.g1[k + 1] * phi + sides.h1[k + 1] - sq_scale * side;
+    jacobian.row(k + 1) << sides.g1[k + 1] - sq_scale * g, -side,
+        -2 * sq_scale * ((depth3 * m3 - b * m[k]) * phi + depth3 - b);
+  }
+  const Eigen::Vector3d change = jacobian.inverse() * residual;
+  // Near a double root the closed form is as good.
+  if (change.norm() < 0.1 * unknowns->norm()) *unknowns -= change;
+}
+
 }  // namespace
 
 TwoViewModels SolveP3PScale(const DepthTriplet& triplet) {
   TwoViewModels models;
-  const Triangle triangle1 = Lift(triplet.points1, triplet.depths1, 1);
+  const Triangle triangle1 =
+      LiftTriangle(triplet.points1.data(), triplet.depths1, 1);
   const Eigen::Vector3d sq_sides((triangle1[0] - triangle1[1]).squaredNorm(),
                                  (triangle1[0] - triangle1[2]).squaredNorm(),
                                  (triangle1[1] - triangle1[2]).squaredNorm());
@@ -236,18 +238,19 @@ TwoViewModels SolveTwoFocals(const DepthTriplet& triplet) {
     coefficients.row(k) << sides.g1[k], -sides.g2[k], -sides.h2[k];
     constants(k) = -sides.h1[k];
   }
-  const Eigen::Vector3d solution = coefficients.partialPivLu().solve(constants);
+  const Eigen::Vector3d solution = coefficients.inverse() * constants;
   TwoViewModels models;
   const double phi = solution(0);
   const double sq_scale = solution(2);
   const double psi = solution(1) / sq_scale;
   if (!(phi > 0 && psi > 0 && sq_scale > 0)) return models;
   const double focal2 = 1 / std::sqrt(psi);
-  sides.AddModel(Lift(sides.triplet.points2, sides.triplet.depths2, focal2),
-                 std::sqrt(sq_scale),
-                 1 / std::sqrt(phi),
-                 focal2,
-                 &models);
+  sides.AddModel(
+      LiftTriangle(sides.triplet.points2.data(), sides.triplet.depths2, focal2),
+      std::sqrt(sq_scale),
+      1 / std::sqrt(phi),
+      focal2,
+      &models);
   return models;
 }
 
@@ -259,7 +262,7 @@ TwoViewModels SolveOneSidedFocal(const DepthTriplet& triplet) {
   for (int k = 0; k < 3; ++k) {
     const double length = sides.g1[k] * phi + sides.h1[k];
     const Eigen::Vector2d row =
-        Eigen::Vector2d(sides.g2[k], sides.h2[k]) / length;
+        Eigen::Vector2d(sides.g2[k], sides.h2[k]) * (1 / length);
     normal += row * row.transpose();
     right += row;
   }
@@ -269,11 +272,12 @@ TwoViewModels SolveOneSidedFocal(const DepthTriplet& triplet) {
   const double psi = solution(0) / sq_scale;
   if (!(psi > 0 && sq_scale > 0)) return models;
   const double focal2 = 1 / std::sqrt(psi);
-  sides.AddModel(Lift(sides.triplet.points2, sides.triplet.depths2, focal2),
-                 std::sqrt(sq_scale),
-                 1 / sides.point_unit1,
-                 focal2,
-                 &models);
+  sides.AddModel(
+      LiftTriangle(sides.triplet.points2.data(), sides.triplet.depths2, focal2),
+      std::sqrt(sq_scale),
+      1 / sides.point_unit1,
+      focal2,
+      &models);
   return models;
 }
 
@@ -317,9 +321,12 @@ TwoViewModels SolveSharedFocal(const DepthTriplet& triplet) {
     const double depth3 = (N[0] + phi * (N[1] + phi * N[2])) /
                           (LD[0] + phi * (LD[1] + phi * LD[2]));
     if (!(sq_scale > 0 && depth3 > 0)) continue;
-    const double focal = 1 / std::sqrt(phi);
-    sides.AddModel(Lift(y, {b1, b2, depth3}, focal),
-                   std::sqrt(sq_scale),
+    Eigen::Vector3d unknowns(phi, sq_scale, depth3);
+    PolishSharedFocal(sides, m3, m13, m23, &unknowns);
+    if (!(unknowns.minCoeff() > 0)) continue;
+    const double focal = 1 / std::sqrt(unknowns(0));
+    sides.AddModel(LiftTriangle(y.data(), {b1, b2, unknowns(2)}, focal),
+                   std::sqrt(unknowns(1)),
                    focal,
                    focal,
                    &models);

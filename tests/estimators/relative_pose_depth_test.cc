@@ -1,5 +1,7 @@
 #include "estimators/solvers/relative_pose_depth.h"
 
+#include "tests/estimators/depth_problems.h"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -16,67 +18,6 @@ namespace {
 
 constexpr int kNumProblems = 10000;
 
-enum class Focals { KNOWN, SHARED, TWO, ONE_SIDED };
-
-struct Problem {
-  DepthTriplet triplet;
-  TwoViewModel truth;
-};
-
-// Any rotation, depths 0.1 to 10, scale 0.1 to 10, focal lengths 0.5 to 5
-// (image units), points within a field of view of about 90 degrees.
-Problem CreateProblem(Focals focals, std::mt19937_64* random) {
-  const auto uniform = [&](double min, double max) {
-    return std::uniform_real_distribution<double>(min, max)(*random);
-  };
-  while (true) {
-    Problem problem;
-    TwoViewModel& truth = problem.truth;
-    if (focals != Focals::KNOWN) {
-      truth.focal2 = std::exp(uniform(std::log(0.5), std::log(5.0)));
-      if (focals == Focals::SHARED) truth.focal1 = truth.focal2;
-      if (focals == Focals::TWO) {
-        truth.focal1 = std::exp(uniform(std::log(0.5), std::log(5.0)));
-      }
-    }
-    truth.scale = std::exp(uniform(std::log(0.1), std::log(10.0)));
-    const Eigen::Vector4d q(
-        uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(-1, 1));
-    truth.rotation = Eigen::Quaterniond(q.normalized()).toRotationMatrix();
-    truth.translation << uniform(-5, 5), uniform(-5, 5), uniform(-5, 5);
-    bool visible = true;
-    for (int i = 0; i < 3; ++i) {
-      const double z1 = std::exp(uniform(std::log(0.1), std::log(10.0)));
-      const Eigen::Vector3d ray(uniform(-1, 1), uniform(-1, 1), 1);
-      const Eigen::Vector3d point2 =
-          truth.rotation * (z1 * ray) + truth.translation;
-      visible = visible && point2.z() > 0.1 && point2.z() < 10 &&
-                point2.head<2>().norm() < 2 * point2.z();
-      problem.triplet.points1[i] = truth.focal1 * ray.head<2>();
-      problem.triplet.points2[i] = truth.focal2 * point2.head<2>() / point2.z();
-      problem.triplet.depths1[i] = z1;
-      problem.triplet.depths2[i] = point2.z() / truth.scale;
-    }
-    if (visible) return problem;
-  }
-}
-
-double Distance(const TwoViewModel& a, const TwoViewModel& b) {
-  return (a.rotation - b.rotation).norm() +
-         (a.translation - b.translation).norm() / b.translation.norm() +
-         std::abs(std::log(a.scale / b.scale)) +
-         std::abs(std::log(a.focal1 / b.focal1)) +
-         std::abs(std::log(a.focal2 / b.focal2));
-}
-
-double BestDistance(const TwoViewModels& models, const TwoViewModel& truth) {
-  double best = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < models.count; ++i) {
-    best = std::min(best, Distance(models.values[i], truth));
-  }
-  return best;
-}
-
 struct SolverCase {
   const char* name;
   Focals focals;
@@ -91,7 +32,7 @@ TEST_P(RelativePoseDepth, FindsTruthOfExactProblems) {
   std::vector<double> distances;
   int num_found = 0;
   for (int k = 0; k < kNumProblems; ++k) {
-    const Problem problem = CreateProblem(GetParam().focals, &random);
+    const DepthProblem problem = CreateDepthProblem(GetParam().focals, &random);
     const TwoViewModels models = GetParam().solve(problem.triplet);
     ASSERT_LE(models.count, GetParam().max_num_solutions);
     distances.push_back(BestDistance(models, problem.truth));
@@ -110,7 +51,7 @@ TEST_P(RelativePoseDepth, SolutionsSatisfyTheEquations) {
   int num_checked = 0;
   for (int k = 0; k < 1000; ++k) {
     const DepthTriplet triplet =
-        CreateProblem(GetParam().focals, &random).triplet;
+        CreateDepthProblem(GetParam().focals, &random).triplet;
     const TwoViewModels models = GetParam().solve(triplet);
     for (int i = 0; i < models.count; ++i) {
       const TwoViewModel& model = models.values[i];
@@ -143,7 +84,7 @@ TEST_P(RelativePoseDepth, SolutionsSatisfyTheEquations) {
 TEST_P(RelativePoseDepth, DoesNotDependOnUnits) {
   std::mt19937_64 random(3);
   for (int k = 0; k < 200; ++k) {
-    const Problem problem = CreateProblem(GetParam().focals, &random);
+    const DepthProblem problem = CreateDepthProblem(GetParam().focals, &random);
     // Well-conditioned ones: others may differ in their last digits.
     if (BestDistance(GetParam().solve(problem.triplet), problem.truth) >
         1e-11) {
@@ -172,7 +113,7 @@ TEST_P(RelativePoseDepth, SwappedViewsGiveTheInverse) {
   std::mt19937_64 random(4);
   int num_found = 0;
   for (int k = 0; k < 1000; ++k) {
-    const Problem problem = CreateProblem(GetParam().focals, &random);
+    const DepthProblem problem = CreateDepthProblem(GetParam().focals, &random);
     num_found += BestDistance(GetParam().solve(problem.triplet.Swapped()),
                               problem.truth.Inverse()) < 1e-6;
   }
@@ -188,7 +129,8 @@ TEST_P(RelativePoseDepth, DegenerateProblemsGiveFiniteSolutionsOrNone) {
     }
   };
   for (int k = 0; k < 200; ++k) {
-    const DepthTriplet good = CreateProblem(GetParam().focals, &random).triplet;
+    const DepthTriplet good =
+        CreateDepthProblem(GetParam().focals, &random).triplet;
     DepthTriplet triplet = good;  // one point twice
     triplet.points1[1] = triplet.points1[0];
     triplet.points2[1] = triplet.points2[0];
