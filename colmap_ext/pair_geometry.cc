@@ -28,6 +28,8 @@ std::string PairStatusName(PairStatus status) {
       return "rotation_outlier";
     case PairStatus::STATIONARY:
       return "stationary";
+    case PairStatus::TRANSLATION_OUTLIER:
+      return "translation_outlier";
   }
   throw std::invalid_argument("unknown pair status " +
                               std::to_string(static_cast<int>(status)));

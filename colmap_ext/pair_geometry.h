@@ -30,6 +30,7 @@ enum class PairStatus : int {
   LOW_TRIPLET_SUPPORT = 8,
   ROTATION_OUTLIER = 9,
   STATIONARY = 10,  // the matches do not move, as those of a watermark
+  TRANSLATION_OUTLIER = 11,  // contradicts the loops that it is part of
 };
 
 // Name as in logs and report.json, e.g. "too_few_inliers".

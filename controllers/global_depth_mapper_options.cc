@@ -14,7 +14,8 @@ void BindPairStages(DepthGlobalMapperOptions* options,
            "pairs with an imported score up to this are removed [1]")
       .Add("min_triplet_support",
            &options->view_graph.min_triplet_support,
-           "pairs with a mean triplet support up to this are removed [1]")
+           "pairs with a mean triplet support up to this are removed, 0 = "
+           "none [1]")
       .Add("keep_connected",
            &options->view_graph.keep_connected,
            "keep pairs below the triplet support that alone connect parts")
@@ -27,6 +28,13 @@ void BindPairStages(DepthGlobalMapperOptions* options,
       .Add("max_log_scale_error",
            &options->averaging.max_log_scale_error,
            "pairs farther off the averaged scales lose theirs [log]")
+      .Add("max_translation_error_ratio",
+           &options->averaging.max_translation_error_ratio,
+           "pairs farther off the averaged translations are removed [length "
+           "of the translation] ...")
+      .Add("max_translation_error_factor",
+           &options->averaging.max_translation_error_factor,
+           "... if also by this times the median error of all pairs [1]")
       .Add("track_min_num_views",
            &options->tracks.min_num_views_per_track,
            "images a track must be seen in")
@@ -117,11 +125,12 @@ void BindMapper(DepthGlobalMapperOptions* options,
   const auto skip = [&](const std::string& stage, bool* value) {
     group.Add("skip_" + stage, value, "leave this stage out");
   };
+  skip("depth_reliability", &options->skip_depth_reliability);
   skip("pair_scores", &options->skip_pair_scores);
-  skip("triplet_support", &options->skip_triplet_support);
   skip("focal_averaging", &options->skip_focal_averaging);
   skip("reverification", &options->skip_reverification);
   skip("scale_averaging", &options->skip_scale_averaging);
+  skip("translation_averaging", &options->skip_translation_averaging);
   skip("global_positioning", &options->skip_global_positioning);
   skip("bundle_adjustment", &options->skip_bundle_adjustment);
   skip("retriangulation", &options->skip_retriangulation);
@@ -157,7 +166,10 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   options->verifier.verification.depth_consistency.tolerate_depth_error = false;
   options->verifier.verification.depth_noise_factor = 0;
   DepthGlobalMapperOptions& mapper = options->mapper;
+  mapper.view_graph.min_triplet_support = 0.6;
   mapper.view_graph.keep_connected = false;
+  mapper.skip_translation_averaging = true;
+  mapper.skip_depth_reliability = true;
   mapper.tracks.min_num_tracks_per_view = 0;
   mapper.refinement.bundle_adjustment.loss_scale_px = 1.0;
   mapper.refinement.refine_principal_point = false;

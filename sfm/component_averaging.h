@@ -5,6 +5,7 @@
 
 #include "estimators/rotation_averaging.h"
 #include "estimators/scale_averaging.h"
+#include "estimators/translation_averaging.h"
 #include "sfm/view_graph.h"
 
 #include <map>
@@ -24,6 +25,13 @@ struct ComponentAveragingOptions {
   // Pairs whose log scale ratio is off by more than this after averaging lose
   // their scale [1].
   double max_log_scale_error = 0.5;
+  TranslationAveragingOptions translation_averaging;
+  // Pairs whose translation is off by more than this after averaging are
+  // removed [length of the translation, or the median one if longer] ...
+  double max_translation_error_ratio = 0.5;
+  // ... if it is also more than this many times the median error of all: with
+  // bad depth maps all loops close badly [1].
+  double max_translation_error_factor = 6.0;
 
   bool IsValid(std::string* error) const;
 };
@@ -65,5 +73,17 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
                                        bool skip,
                                        const ImageIndex& index,
                                        PairGeometries* pairs);
+
+// Averages the metric translations of the scaled pairs among the images of the
+// index with a scale, and takes out those that contradict the others: a facade
+// matched one window too far has the right rotation and scale, and only its
+// loops through other images give it away. Such pairs become
+// TRANSLATION_OUTLIER; returns their number.
+size_t FilterByTranslation(
+    const ComponentAveragingOptions& options,
+    const ImageIndex& index,
+    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
+    const ImageScales& scales,
+    PairGeometries* pairs);
 
 }  // namespace dgsfm

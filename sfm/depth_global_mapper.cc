@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
+#include "sfm/depth_reliability.h"
 #include "sfm/model_access.h"
 
 #include <algorithm>
@@ -50,13 +51,13 @@ DepthGlobalMapper::DepthGlobalMapper(
     const DepthGlobalMapperOptions& options,
     const PairVerificationOptions& verification,
     const Scene& scene,
-    const KeypointDepthMap& depths,
+    KeypointDepthMap depths,
     const PairScores& pair_scores)
     : options_(options),
       verification_(verification),
       scene_(scene),
       prior_cameras_(scene.cameras),
-      depths_(depths),
+      depths_(std::move(depths)),
       pair_scores_(pair_scores) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
@@ -66,6 +67,7 @@ DepthGlobalMapper::DepthGlobalMapper(
 }
 
 DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
+  if (!options_.skip_depth_reliability) DropUnreliableDepths(pairs);
   FilterPairs(pairs);
   CalibrateAndReverify(pairs);
   std::vector<ImageIds> components = ConnectedImages(*pairs);
@@ -99,12 +101,39 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
   return std::move(result_);
 }
 
+void DepthGlobalMapper::DropUnreliableDepths(PairGeometries* pairs) {
+  StageTimer timer("depth_reliability");
+  const std::vector<colmap::image_t> image_ids = FindUnreliableDepths(*pairs);
+  Scene affected;
+  affected.cameras = scene_.cameras;
+  affected.images = scene_.images;
+  for (const colmap::image_t image_id : image_ids) {
+    LOG(WARNING) << "The depth map of image '"
+                 << scene_.images.at(image_id).Name()
+                 << "' contradicts its matches and is not used";
+    depths_.erase(image_id);
+    for (const auto& [pair_id, matches] : scene_.matches) {
+      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+      if (image_id1 == image_id || image_id2 == image_id) {
+        affected.matches[pair_id] = matches;
+      }
+    }
+  }
+  for (auto& [pair_id, pair] : VerifyPairs(affected, depths_, verification_)) {
+    pairs->at(pair_id) = std::move(pair);
+  }
+  timer.Add("maps_dropped", double(image_ids.size()))
+      .Add("pairs_verified", double(affected.matches.size()));
+  if (!image_ids.empty()) timer.Add(CountPairs(*pairs));
+  timer.Finish(&result_.stages);
+}
+
 void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
   StageTimer timer("view_graph_filter");
   if (!options_.skip_pair_scores) {
     FilterByPairScore(pair_scores_, options_.view_graph, pairs);
   }
-  if (!options_.skip_triplet_support) {
+  if (options_.view_graph.min_triplet_support > 0) {
     FilterByTripletSupport(options_.view_graph, pairs);
   }
   timer.Add(CountPairs(*pairs));
@@ -202,6 +231,16 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) {
   const ImageScales scales = AverageScalesOf(index, pairs);
+  if (!options_.skip_translation_averaging) {
+    StageTimer timer("translation_averaging");
+    timer.Add("pairs_filtered",
+              double(FilterByTranslation(options_.averaging,
+                                         index,
+                                         cam_from_world_rotations,
+                                         scales,
+                                         pairs)));
+    timer.Finish(&result_.stages);
+  }
   std::unique_ptr<colmap::Reconstruction> model =
       CreateModel(index, cam_from_world_rotations);
 

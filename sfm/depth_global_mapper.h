@@ -38,13 +38,17 @@ struct DepthGlobalMapperOptions {
   int num_threads = -1;
 
   // Ablation: leave single stages out.
+  // The search for depth maps that contradict nearly all pairs, and the
+  // verification of their images' pairs without them; not in the paper.
+  bool skip_depth_reliability = false;
   bool skip_pair_scores = false;
-  bool skip_triplet_support = false;
   bool skip_focal_averaging = false;
   // The second verification of the pairs with the averaged focal lengths,
   // which the paper does not have.
   bool skip_reverification = false;
   bool skip_scale_averaging = false;
+  // The filter of pairs by their translations, which the paper does not have.
+  bool skip_translation_averaging = false;
   bool skip_global_positioning = false;
   bool skip_bundle_adjustment = false;
   // Completion of tracks after bundle adjustment, not in the paper either.
@@ -67,12 +71,13 @@ struct DepthGlobalMapperResult {
 class DepthGlobalMapper {
  public:
   // `verification` is used for the second verification of the pairs. The
-  // references must outlive the mapper. Throws std::invalid_argument if the
+  // references must outlive the mapper; depth maps found unreliable count as
+  // missing. Throws std::invalid_argument if the
   // options are not valid.
   DepthGlobalMapper(const DepthGlobalMapperOptions& options,
                     const PairVerificationOptions& verification,
                     const Scene& scene,
-                    const KeypointDepthMap& depths,
+                    KeypointDepthMap depths,
                     const PairScores& pair_scores);
 
   // Maps the scene from verified pairs; pairs that leave the view graph get
@@ -82,6 +87,7 @@ class DepthGlobalMapper {
  private:
   using ImageIds = std::vector<colmap::image_t>;
 
+  void DropUnreliableDepths(PairGeometries* pairs);
   void FilterPairs(PairGeometries* pairs);
   void CalibrateAndReverify(PairGeometries* pairs);
   std::optional<ComponentRotations> AverageRotationsOf(
@@ -109,7 +115,7 @@ class DepthGlobalMapper {
   Scene scene_;
   // As given.
   const CameraMap& prior_cameras_;
-  const KeypointDepthMap& depths_;
+  KeypointDepthMap depths_;
   const PairScores& pair_scores_;
   DepthGlobalMapperResult result_;
 };

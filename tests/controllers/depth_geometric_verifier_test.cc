@@ -116,7 +116,8 @@ TEST_F(DepthGeometricVerifier, SecondRunDoesOnlyWhatIsNew) {
   EXPECT_EQ(second.num_deleted, 0);
   EXPECT_EQ(PairRows(path_), rows);
 
-  auto pair = ReadScene(path_).matches.begin();
+  const Scene scene = ReadScene(path_);
+  auto pair = scene.matches.begin();
   const std::string rematched = std::to_string((pair++)->first);
   const std::string gone = std::to_string((pair++)->first);
   const std::string added = std::to_string((pair++)->first);

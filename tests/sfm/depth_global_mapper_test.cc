@@ -71,6 +71,15 @@ double MaxError(const PoseMetrics& metrics) {
                            metrics.relative_errors_deg.end());
 }
 
+// Missing pairs, whose error is infinite, count as 180 degrees.
+double MeanError(const PoseMetrics& metrics) {
+  double sum = 0;
+  for (const double error_deg : metrics.relative_errors_deg) {
+    sum += std::min(error_deg, 180.0);
+  }
+  return sum / double(metrics.relative_errors_deg.size());
+}
+
 // Radius of the ring of cameras is several metres.
 constexpr double kSceneSize = 10;
 
@@ -185,6 +194,50 @@ TEST(DepthGlobalMapper, NoiseAndOutliersAreAveragedOut) {
   EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 0.05);
 }
 
+// Images of look-alike bays are matched as if they showed one and the same:
+// rotations and depth scales of such pairs agree with all others, and only
+// translations contradict.
+TEST(DepthGlobalMapper, LookAlikePlacesAreKeptApart) {
+  SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::REPEATS);
+  options.num_images = 20;
+  options.num_points_per_image = 200;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_FALSE(outcome.result.models.empty());
+  int num_false_pairs = 0, num_false_pairs_left = 0;
+  for (const auto& [pair_id, pair] : outcome.pairs) {
+    if (!synthetic.pairs.at(pair_id).is_false) continue;
+    ++num_false_pairs;
+    num_false_pairs_left += pair.status == PairStatus::VALID;
+  }
+  EXPECT_GE(num_false_pairs, 10);
+  // Images at the end of the path may have more false pairs than true ones.
+  EXPECT_LE(num_false_pairs_left, num_false_pairs / 4);
+
+  DepthGlobalMapperOptions without;
+  without.skip_translation_averaging = true;
+  const double mean_without =
+      MeanError(MapSynthetic(synthetic, without).metrics);
+  EXPECT_LT(MeanError(outcome.metrics), mean_without / 2);
+}
+
+TEST(DepthGlobalMapper, UnrelatedDepthMapsDoNoHarm) {
+  SyntheticSceneOptions options = SmallRing();
+  options.image_noise_px = 0.5;
+  options.num_points_per_image = 200;
+  options.depth_noise = DepthModelFromName("useless");
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome with_depth = MapSynthetic(synthetic);
+  const Outcome without_depth = MapSynthetic(synthetic, {}, false);
+  ASSERT_FALSE(with_depth.result.models.empty());
+  EXPECT_EQ(with_depth.metrics.num_registered,
+            without_depth.metrics.num_registered);
+  // The same matches and bundle adjustment: what differs is which of them
+  // survive a verification with other random samples.
+  EXPECT_LT(MaxError(with_depth.metrics),
+            1.5 * MaxError(without_depth.metrics));
+}
+
 TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 20;
@@ -207,10 +260,11 @@ TEST(DepthGlobalMapper, EveryStageCanBeSwitchedOff) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
   using Options = DepthGlobalMapperOptions;
   for (bool Options::*skip : {&Options::skip_pair_scores,
-                              &Options::skip_triplet_support,
                               &Options::skip_focal_averaging,
                               &Options::skip_reverification,
                               &Options::skip_scale_averaging,
+                              &Options::skip_translation_averaging,
+                              &Options::skip_depth_reliability,
                               &Options::skip_global_positioning,
                               &Options::skip_bundle_adjustment,
                               &Options::skip_retriangulation}) {

@@ -48,6 +48,7 @@ TEST(ViewGraph, NoValidPairsGiveNoComponents) {
 TEST(ViewGraph, TripletSupportKeepsBridgesAndPairsWithoutTriplet) {
   PairGeometries pairs = TwoTriangles();
   ViewGraphFilterOptions options;
+  options.min_triplet_support = 0.6;
   // Of the pairs of image 7, supports 0.3 and 0.2, the stronger stays.
   EXPECT_EQ(FilterByTripletSupport(options, &pairs), 1);
   EXPECT_EQ(pairs[PairIdOfImages(2, 7)].status,
@@ -60,6 +61,7 @@ TEST(ViewGraph, TripletSupportKeepsBridgesAndPairsWithoutTriplet) {
 TEST(ViewGraph, PaperTripletFilterMaySplitTheGraph) {
   PairGeometries pairs = TwoTriangles();
   ViewGraphFilterOptions options;
+  options.min_triplet_support = 0.6;
   options.keep_connected = false;
   EXPECT_EQ(FilterByTripletSupport(options, &pairs), 2);
   EXPECT_EQ(ConnectedImages(pairs)[0].size(), 6);
