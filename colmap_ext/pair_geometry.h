@@ -29,7 +29,7 @@ enum class PairStatus : int {
   LOW_PAIR_SCORE = 7,      // imported score (Doppelgangers++)
   LOW_TRIPLET_SUPPORT = 8,
   ROTATION_OUTLIER = 9,
-  STATIONARY = 10,  // the matches do not move, as those of a watermark
+  STATIONARY = 10,           // the matches do not move, as those of a watermark
   TRANSLATION_OUTLIER = 11,  // contradicts the loops that it is part of
 };
 
