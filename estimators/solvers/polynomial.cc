@@ -86,17 +86,14 @@ double EvaluateWithSlope(const double* c, int degree, double x, double* slope) {
 
 // The root between low and high, where the values have different signs: Newton
 // steps, bisection where they leave the bracket or do not halve it.
-double RootBetween(const double* c,
-                   int degree,
-                   double low,
-                   double high,
-                   bool rising,
-                   double precision) {
+double RootBetween(const double* c, int degree, double low, double high) {
   constexpr int kMaxNumSteps = 60;
+  constexpr double kPrecision = 1e-13;
+  double slope;
+  const bool rising = EvaluateWithSlope(c, degree, low, &slope) < 0;
   double x = 0.5 * (low + high);
   double last_step = high - low;
   for (int step = 0; step < kMaxNumSteps; ++step) {
-    double slope;
     const double value = EvaluateWithSlope(c, degree, x, &slope);
     (value < 0) == rising ? low = x : high = x;
     double next = x - value / slope;
@@ -106,10 +103,64 @@ double RootBetween(const double* c,
     }
     last_step = next - x;
     x = next;
-    if (std::abs(last_step) <= precision * std::abs(x)) break;
+    if (std::abs(last_step) <= kPrecision * std::abs(x)) break;
   }
   return x;
 }
+
+// Sturm's sequence p_0 = p, p_1 = p', p_(i+1) = -remainder(p_(i-1) / p_i), kept
+// as its linear quotients: p_(i-1) = quotient_i p_i - factor_i p_(i+1), where
+// the factors are positive and keep the numbers of order one.
+template <int kDegree>
+class SturmSequence {
+ public:
+  // Constant coefficient first.
+  explicit SturmSequence(const std::array<double, kDegree + 1>& c) {
+    std::array<double, kDegree + 1> f = c;
+    std::array<double, kDegree + 1> g{};
+    for (int k = 1; k <= kDegree; ++k) g[k - 1] = k * c[k];
+    for (int n = kDegree; n >= 2; --n) {
+      const double slope = f[n] / g[n - 1];
+      const double offset = (f[n - 1] - slope * g[n - 2]) / g[n - 1];
+      std::array<double, kDegree + 1> h{};
+      for (int k = 0; k <= n - 2; ++k) {
+        h[k] = offset * g[k] + (k > 0 ? slope * g[k - 1] : 0) - f[k];
+      }
+      const double factor = std::abs(h[n - 2]);
+      for (int k = 0; k <= n - 2; ++k) h[k] /= factor;
+      steps_[n - 1] = {slope, offset, factor};
+      f = g;
+      g = h;
+    }
+    linear_ = {f[1], f[0]};
+    constant_ = g[0];
+  }
+
+  // Number of sign changes at x: its decrease between two points is the number
+  // of roots between them.
+  int ChangesAt(double x) const {
+    double next = constant_;
+    double value = linear_[0] * x + linear_[1];
+    int changes = (next < 0) != (value < 0);
+    for (int k = 1; k < kDegree; ++k) {
+      const Step& step = steps_[k];
+      const double previous =
+          (step.slope * x + step.offset) * value - step.factor * next;
+      changes += (previous < 0) != (value < 0);
+      next = value;
+      value = previous;
+    }
+    return changes;
+  }
+
+ private:
+  struct Step {
+    double slope, offset, factor;
+  };
+  std::array<Step, kDegree> steps_;  // from the linear polynomial up
+  std::array<double, 2> linear_;
+  double constant_;
+};
 
 }  // namespace
 
@@ -175,52 +226,39 @@ RealRoots SolveQuartic(const std::array<double, 5>& c) {
 
 BracketedRoots FindRealRoots(const std::array<double, 11>& c, double max_root) {
   constexpr int kDegree = 10;
-  // Roots of derivatives only have to separate.
-  constexpr double kPrecision = 1e-13;
-  constexpr double kDerivativePrecision = 1e-3;
+  // Closer roots count as one pair, which has no sign change between them.
+  constexpr double kMinInterval = 1e-9;
   BracketedRoots roots;
   if (!IsFinite(c)) return roots;
-  // Binomial coefficients: derivatives up to a factor.
-  static const auto factors = [] {
-    std::array<std::array<double, kDegree + 1>, kDegree + 1> table{};
-    for (int degree = 0; degree <= kDegree; ++degree) {
-      for (int k = 0; k <= degree; ++k) {
-        table[degree][k] = 1;
-        for (int j = 1; j <= kDegree - degree; ++j) {
-          table[degree][k] *= static_cast<double>(k + j) / j;
-        }
-      }
+  const SturmSequence<kDegree> sequence(c);
+  struct Interval {
+    double low, high;
+    int changes_low, changes_high;
+  };
+  // Depth first, the lower half on top: at most one pending interval per root.
+  std::array<Interval, kDegree + 1> stack;
+  int stack_size = 1;
+  stack[0] = {-max_root,
+              max_root,
+              sequence.ChangesAt(-max_root),
+              sequence.ChangesAt(max_root)};
+  while (stack_size > 0) {
+    const Interval interval = stack[--stack_size];
+    const int num_roots = interval.changes_low - interval.changes_high;
+    if (num_roots <= 0) continue;
+    const double middle = 0.5 * (interval.low + interval.high);
+    if (num_roots == 1) {
+      roots.values[roots.count++] =
+          RootBetween(c.data(), kDegree, interval.low, interval.high);
+    } else if (interval.high - interval.low > kMinInterval &&
+               stack_size + 2 <= static_cast<int>(stack.size())) {
+      const int changes = sequence.ChangesAt(middle);
+      stack[stack_size++] = {
+          middle, interval.high, changes, interval.changes_high};
+      stack[stack_size++] = {
+          interval.low, middle, interval.changes_low, changes};
     }
-    return table;
-  }();
-  // Roots of the derivatives, from the linear one up, separate those of the
-  // next.
-  for (int degree = 1; degree <= kDegree; ++degree) {
-    std::array<double, kDegree + 1> p;
-    for (int k = 0; k <= degree; ++k) {
-      p[k] = factors[degree][k] * c[k + kDegree - degree];
-    }
-    BracketedRoots next;
-    double slope;
-    double low = -max_root;
-    double low_value = EvaluateWithSlope(p.data(), degree, low, &slope);
-    for (int i = 0; i <= roots.count; ++i) {
-      const double high = i < roots.count ? roots.values[i] : max_root;
-      const double high_value =
-          EvaluateWithSlope(p.data(), degree, high, &slope);
-      if ((low_value < 0) != (high_value < 0)) {
-        next.values[next.count++] =
-            RootBetween(p.data(),
-                        degree,
-                        low,
-                        high,
-                        low_value < 0,
-                        degree == kDegree ? kPrecision : kDerivativePrecision);
-      }
-      low = high;
-      low_value = high_value;
-    }
-    roots = next;
+    if (roots.count == kDegree) break;
   }
   return roots;
 }

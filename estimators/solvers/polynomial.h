@@ -26,8 +26,8 @@ RealRoots SolveCubic(const std::array<double, 4>& c);
 RealRoots SolveQuartic(const std::array<double, 5>& c);
 
 // The real roots of c[0] + c[1] x + ... + c[10] x^10 (constant first!) within
-// [-max_root, max_root], ascending, by bisection and Newton steps between the
-// roots of the derivative. Double roots may be missing. Coefficients that are
+// [-max_root, max_root], ascending, separated by Sturm's sequence, then by
+// Newton steps. Double roots may be missing. Coefficients that are
 // not finite have no roots. No allocation.
 struct BracketedRoots {
   int count = 0;
