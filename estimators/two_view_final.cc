@@ -32,6 +32,23 @@ double RobustStddev(std::vector<double> values, double center) {
   return 1.4826 * Median(std::move(values));
 }
 
+// Of log depth per map, over matches with depths.
+double DepthNoise(const TwoViewData& data,
+                  const std::vector<int>& indices,
+                  const TwoViewModel& model,
+                  int* num_depths) {
+  std::vector<double> log_ratios;
+  for (const int i : indices) {
+    Transfer transfer;
+    if (data.HasDepths(i) && data.Forward(model, i, &transfer)) {
+      log_ratios.push_back(transfer.log_depth_ratio);
+    }
+  }
+  *num_depths = static_cast<int>(log_ratios.size());
+  if (log_ratios.empty()) return 0;
+  return RobustStddev(log_ratios, Median(log_ratios)) / std::sqrt(2.0);
+}
+
 class Finisher {
  public:
   Finisher(const TwoViewProblem& problem, const TwoViewCandidate& candidate)
@@ -58,6 +75,7 @@ class Finisher {
   const TwoViewDepthOptions& options_;
   const TwoViewData& data_;
   TwoViewCandidate candidate_;
+  // Without smooth errors.
   double depth_noise_ = 0;
   DepthFields fields_ = DepthFields::Zero();
   // The matches without the smooth errors of their depths.
@@ -85,16 +103,9 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
   if (options_.paper) return cost_options;
   const double max_error = options_.max_epipolar_error_px;
   const Eigen::Matrix3d F = model.FundamentalMatrix();
+  const std::vector<int> inliers = problem_.Inliers(model);
   std::vector<double> errors_px;
-  std::vector<double> log_depth_ratios;
-  for (const int i : problem_.Inliers(model)) {
-    errors_px.push_back(data_.Sampson(F, i));
-    Transfer transfer;
-    if (with_depth && corrected_data_.HasDepths(i) &&
-        corrected_data_.Forward(model, i, &transfer)) {
-      log_depth_ratios.push_back(transfer.log_depth_ratio);
-    }
-  }
+  for (const int i : inliers) errors_px.push_back(data_.Sampson(F, i));
   if (!errors_px.empty()) {
     const double stddev = RobustStddev(errors_px, 0);
     cost_options.stddev_px = std::clamp(
@@ -104,13 +115,14 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
                    kMinMaxEpipolarErrorRatio * max_error,
                    max_error);
   }
-  if (log_depth_ratios.size() >= kMinNumInliers) {
-    depth_noise_ = RobustStddev(log_depth_ratios, Median(log_depth_ratios)) /
-                   std::sqrt(2.0);
+  int num_depths = 0;
+  const double depth_noise =
+      with_depth ? DepthNoise(corrected_data_, inliers, model, &num_depths) : 0;
+  if (num_depths >= kMinNumInliers) {
+    depth_noise_ = depth_noise;
     cost_options.log_depth_stddev =
         std::max(depth_noise_, kMinLogDepthStddev) *
-        std::sqrt(
-            std::max(1.0, log_depth_ratios.size() / kNumIndependentDepths));
+        std::sqrt(std::max(1.0, num_depths / kNumIndependentDepths));
     cost_options.depth_field_stddev =
         std::max({kMinFieldStddev,
                   depth_noise_,
@@ -301,7 +313,10 @@ void Finisher::Report(TwoViewDepthResult* result) const {
   if (!angles.empty()) {
     result->median_triangulation_angle_deg = Median(angles) * 180 / M_PI;
   }
-  result->depth_noise = depth_noise_;
+  int num_depths = 0;
+  if (candidate_.with_depth) {
+    result->depth_noise = DepthNoise(data_, inliers, model, &num_depths);
+  }
   result->used_depth_free_estimator = !candidate_.with_depth;
   result->has_scale = candidate_.with_depth
                           ? candidate_.num_depth_inliers >= kMinNumInliers

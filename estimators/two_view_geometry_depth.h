@@ -122,8 +122,7 @@ struct TwoViewDepthResult {
   std::vector<uint8_t> inlier_mask;
   int num_inliers = 0;
   int num_trials = 0;
-  // Noise of log depth over inliers, per map and without errors that are smooth
-  // over the image [1], 0 if unknown.
+  // Noise of log depth over inliers, per map [1], 0 if unknown.
   double depth_noise = 0;
   // Median angle between the two viewing rays of inliers [deg].
   double median_triangulation_angle_deg = 0;

@@ -1,7 +1,8 @@
-// Accuracy of the two-view estimator on the image pairs of a COLMAP database
-// with ground truth, focal lengths unknown. Prints a line of a Markdown table.
+// Accuracy of the two-view estimator on the image pairs of COLMAP databases
+// with ground truth, focal lengths unknown. Prints a Markdown table, a row per
+// set and one for the pairs of all of them.
 //
-//   real_pairs SET [DEPTH]...
+//   real_pairs DEPTH SET...
 //
 // SET holds database.db, gt/ (a text model, and pairs.txt with "name1 name2
 // inliers share" per verified pair) and a folder for each DEPTH ("none":
@@ -130,28 +131,30 @@ TwoViewModel Truth(const ImageSet& set,
   return truth;
 }
 
-void Run(const fs::path& folder, const std::vector<std::string>& depth_names) {
+void Run(const fs::path& folder,
+         const std::string& depth_name,
+         PairStatistics* all) {
   const ImageSet set = ReadImageSet(folder);
-  for (const std::string& depth_name : depth_names) {
-    const auto depths = ReadDepths(set, folder / depth_name);
-    PairStatistics statistics;
-    for (auto [name1, name2] : set.pairs) {
-      if (set.image_ids.at(name1) > set.image_ids.at(name2)) {
-        std::swap(name1, name2);
-      }
-      const TwoViewDepthInput input = CreateInput(
-          set, depths, set.image_ids.at(name1), set.image_ids.at(name2));
-      double milliseconds;
-      const TwoViewDepthResult result =
-          EstimateTimed(input, TwoViewDepthOptions(), &milliseconds);
-      statistics.Add(result,
-                     Truth(set, name1, name2),
-                     /*scale_is_known=*/false,
-                     milliseconds);
+  const auto depths = ReadDepths(set, folder / depth_name);
+  PairStatistics statistics;
+  for (auto [name1, name2] : set.pairs) {
+    if (set.image_ids.at(name1) > set.image_ids.at(name2)) {
+      std::swap(name1, name2);
     }
-    statistics.Print(folder.filename().string() + ", " + depth_name + ", " +
-                     std::to_string(set.pairs.size()) + " pairs");
+    const TwoViewDepthInput input = CreateInput(
+        set, depths, set.image_ids.at(name1), set.image_ids.at(name2));
+    double milliseconds;
+    const TwoViewDepthResult result =
+        EstimateTimed(input, TwoViewDepthOptions(), &milliseconds);
+    for (PairStatistics* to : {&statistics, all}) {
+      to->Add(result,
+              Truth(set, name1, name2),
+              /*scale_is_known=*/false,
+              milliseconds);
+    }
   }
+  statistics.Print(folder.filename().string() + ", " + depth_name + ", " +
+                   std::to_string(set.pairs.size()) + " pairs");
 }
 
 }  // namespace
@@ -159,12 +162,14 @@ void Run(const fs::path& folder, const std::vector<std::string>& depth_names) {
 
 int main(int argc, char** argv) {
   if (argc < 3) {
-    std::fprintf(stderr, "usage: real_pairs SET DEPTH...\n");
+    std::fprintf(stderr, "usage: real_pairs DEPTH SET...\n");
     return 2;
   }
   try {
     dgsfm::PairStatistics::PrintHeader("set");
-    dgsfm::Run(argv[1], std::vector<std::string>(argv + 2, argv + argc));
+    dgsfm::PairStatistics all;
+    for (int i = 2; i < argc; ++i) dgsfm::Run(argv[i], argv[1], &all);
+    all.Print(std::string("all, ") + argv[1]);
   } catch (const std::exception& e) {
     std::fprintf(stderr, "ERROR: %s\n", e.what());
     return 1;
