@@ -207,9 +207,12 @@ inline TwoViewErrors CompareWithTruth(const TwoViewDepthResult& result,
       kDegPerRad * result.cam2_from_cam1.rotation.angularDistance(
                        Eigen::Quaterniond(truth.rotation));
   const Eigen::Vector3d& t = result.cam2_from_cam1.translation;
+  // A translation of zero has no direction.
   errors.translation_deg =
-      kDegPerRad *
-      std::atan2(t.cross(truth.translation).norm(), t.dot(truth.translation));
+      truth.translation.norm() < 1e-9
+          ? 0
+          : kDegPerRad * std::atan2(t.cross(truth.translation).norm(),
+                                    t.dot(truth.translation));
   errors.focal_ratio =
       std::max(std::abs(result.focal_length1_px / truth.focal1 - 1),
                std::abs(result.focal_length2_px / truth.focal2 - 1));
