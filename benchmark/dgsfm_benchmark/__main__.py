@@ -6,6 +6,7 @@ import argparse
 import datetime
 import os
 import platform
+import subprocess
 import sys
 from pathlib import Path
 
@@ -114,7 +115,10 @@ def _run(arguments) -> None:
             "date": datetime.date.today().isoformat(),
             "command": f"scripts/benchmark.sh run {name}",
             "machine": _machine(),
+            "commit": _commit(),
             "jobs": arguments.jobs,
+            "engines": list(experiment.engines),
+            "datasets": list(experiment.datasets),
             "records": records,
         }
         page.store_runs(results, results_path)
@@ -124,6 +128,18 @@ def _run(arguments) -> None:
 
 def _machine() -> str:
     return f"{platform.machine()}, {os.cpu_count()} cores"
+
+
+def _commit() -> str:
+    """The project's commit, with a "+" if files differ from it."""
+    process = subprocess.run(
+        ["git", "describe", "--always", "--dirty=+", "--abbrev=12"],
+        cwd=PROJECT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return process.stdout.strip() or "unknown"
 
 
 def _page(arguments) -> None:

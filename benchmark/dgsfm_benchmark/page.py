@@ -47,8 +47,8 @@ def read_runs(path: Path = RUNS) -> dict[str, dict]:
 
 
 def store_runs(results: dict[str, dict], path: Path = RUNS) -> None:
-    """``results``: by experiment, a dict of date, command, machine and
-    records."""
+    """``results``: by experiment, a dict of date, command, machine, commit,
+    engines and data sets with their options, and records."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {"experiments": results})
 
