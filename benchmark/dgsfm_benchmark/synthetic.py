@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -23,7 +24,6 @@ from .datasets import load_plain
 from .files import empty_folder, file_digest, slug, value_digest
 from .process import run_program
 from .scene import Scene
-import dataclasses
 
 
 def create_scenes(
@@ -67,5 +67,7 @@ def _create(options: dict, name: str, folder: Path, program: Path) -> Path:
         run_program(
             [*arguments, "--output_path", str(temporary)], folder / "log.txt"
         )
+        # COLMAP's mappers insist on a folder of images, if an empty one.
+        (temporary / "images").mkdir()
         os.replace(temporary, scene_folder)
     return scene_folder
