@@ -26,7 +26,7 @@ struct BundleAdjustmentOptions {
   bool refine_principal_point = false;
   // Standard deviation of the principal point about that of the database, as a
   // share of the larger image side [1].
-  double principal_point_stddev_ratio = 0.02;
+  double principal_point_stddev_ratio = 0.01;
   // Standard deviation of the distortion parameters about those of the database
   // [1].
   double extra_params_stddev = 0.1;

@@ -56,10 +56,16 @@ def store_runs(results: dict[str, dict], path: Path = RUNS) -> None:
 def write_page() -> None:
     """Writes the page and its plots from what is stored."""
     sections = [_HEADER]
-    for name, result in read_runs().items():
+    for name, result in sorted(read_runs().items(), key=_place):
         experiment = read_experiment(EXPERIMENTS / f"{name}.toml")
         sections.append("\n".join(_section(experiment, result)))
     PAGE.write_text("\n".join(sections))
+
+
+def _place(item: tuple[str, dict]) -> tuple[int, str]:
+    name = item[0]
+    order = ["real_photos", "depth_quality", "ablation", "scaling"]
+    return (order.index(name) if name in order else len(order), name)
 
 
 def _section(experiment: Experiment, result: dict) -> list[str]:

@@ -204,7 +204,8 @@ def _map_and_evaluate(run: Run) -> dict:
         reason = ""
     except BenchmarkError as error:
         # A mapper that fails may have left a model, which does not count.
-        reason = str(error)
+        # Where it ran says nothing to others.
+        reason = str(error).replace(f"{run.folder}/", "")
     finally:
         database.unlink()
     outcome = {"stages": stages}

@@ -31,10 +31,15 @@ def _metric(name):
 def summary_table(
     records: list[Record], engines: Sequence[str], thresholds: Sequence[float]
 ) -> list[str]:
-    """One row an engine: means over the scenes that all engines ran on."""
-    common = set.intersection(
-        *({r["scene"] for r in records if r["engine"] == e} for e in engines)
-    )
+    """One row an engine: means over the scenes that all of them ran on.
+    Engines with fewer than half of the scenes are left out."""
+    scenes = {
+        engine: {r["scene"] for r in records if r["engine"] == engine}
+        for engine in engines
+    }
+    num_scenes = len({r["scene"] for r in records})
+    engines = [e for e in engines if 2 * len(scenes[e]) >= num_scenes]
+    common = set.intersection(*(scenes[engine] for engine in engines))
     rows = []
     for engine in engines:
         runs = [
@@ -61,7 +66,10 @@ def summary_table(
         "failed runs",
     ]
     return [
-        f"Mean of {len(common)} scenes, ± standard deviation over seeds.",
+        f"Mean of {len(common)} scenes ({', '.join(sorted(common))}), "
+        "± standard deviation over seeds."
+        if len(common) < 12
+        else f"Mean of {len(common)} scenes, ± standard deviation over seeds.",
         "",
         *markdown(header, rows),
     ]

@@ -152,6 +152,26 @@ class PageTest(unittest.TestCase):
         self.assertIn("| plain | 0.0 ± 0.0 | 0.0 ± 0.0 |", text)
         self.assertIn("3 / 3", text)
 
+    def test_mean_is_over_common_scenes(self):
+        records = [record("deep", level, 0, 90) for level in ("exact", "useless")]
+        records.append(record("plain", "exact", 0, 80))
+        rare = {**record("rare", "exact", 0, 10), "scene": "other"}
+        more = [{**record("deep", "exact", 0, 90), "scene": "other"}]
+        text = "\n".join(
+            tables.summary_table(
+                records + more + [rare], ["plain", "deep", "rare"], [1, 5]
+            )
+        )
+        # Plain and rare ran on one of three scenes.
+        self.assertIn("Mean of 3 scenes", text)
+        self.assertNotIn("rare", text)
+        self.assertNotIn("plain", text)
+        text = "\n".join(
+            tables.summary_table(records, ["plain", "deep"], [1, 5])
+        )
+        self.assertIn("Mean of 1 scenes (ring/exact)", text)
+        self.assertIn("| plain | 40.0 | 80.0 | 100.0 % | none |", text)
+
     def test_plots_are_the_same_bytes_each_time(self):
         for kind in ("depth_quality", "scaling", "ablation"):
             with tempfile.TemporaryDirectory() as folder:
