@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import os
 import subprocess
-import threading
 import time
 from pathlib import Path
 
 from .errors import BenchmarkError
+
+
+# How often programs are looked at: of their last moment nothing is known.
+_POLL_SECONDS = 0.02
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,13 +53,18 @@ def run_program(
             )
         except OSError as error:
             raise BenchmarkError(f"'{arguments[0]}': {error}") from error
-        timer = threading.Timer(timeout_seconds, process.kill)
-        timer.start()
-        # Unlike subprocess, wait4 tells the resources of this very child.
-        _, status, usage = os.wait4(process.pid, 0)
-        timer.cancel()
+        peak_memory_mb = 0.0
+        while True:
+            peak_memory_mb = max(peak_memory_mb, _peak_memory_mb(process.pid))
+            # Unlike subprocess, wait4 tells the resources of this very child.
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            seconds = time.monotonic() - start
+            if pid != 0:
+                break
+            if seconds >= timeout_seconds:
+                process.kill()
+            time.sleep(_POLL_SECONDS)
         process.returncode = os.waitstatus_to_exitcode(status)
-        seconds = time.monotonic() - start
     if process.returncode != 0:
         reason = f"exit code {process.returncode}"
         if seconds >= timeout_seconds:
@@ -65,6 +73,16 @@ def run_program(
         raise BenchmarkError(
             f"{Path(arguments[0]).name}: {reason}: {lines[-1][-200:]}"
         )
-    return Usage(
-        seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
-    )
+    return Usage(seconds, usage.ru_utime + usage.ru_stime, peak_memory_mb)
+
+
+def _peak_memory_mb(pid: int) -> float:
+    # Not ru_maxrss, which starts at the memory of this very process.
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0.0
+    for line in status.split("\n"):
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024
+    return 0.0

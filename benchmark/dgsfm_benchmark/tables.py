@@ -160,8 +160,13 @@ def resource_table(records: list[Record], engines: Sequence[str]) -> list[str]:
                 row.append("")
                 continue
             seconds = np.median([r["seconds"] for r in runs])
-            memory = np.median([r["peak_memory_mb"] for r in runs])
-            row.append(f"{seconds:.1f} s, {memory:.0f} MB")
+            memory = [
+                r["peak_memory_mb"] for r in runs if "peak_memory_mb" in r
+            ]
+            row.append(
+                f"{seconds:.1f} s"
+                + (f", {np.median(memory):.0f} MB" if memory else "")
+            )
         rows.append(row)
     return markdown(["scene", *engines], rows)
 

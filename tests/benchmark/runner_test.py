@@ -136,10 +136,13 @@ class RunnerTest(unittest.TestCase):
 class ProcessTest(unittest.TestCase):
     def test_reports_time_and_memory_of_the_child(self):
         with tempfile.TemporaryDirectory() as folder:
-            code = "x = bytearray(200_000_000)"
+            # That of this process, which is larger, must not count.
+            mine = b"x" * 500_000_000
+            code = "import time; x = b'x' * 200_000_000; time.sleep(0.2)"
             usage = run_program(
                 [sys.executable, "-c", code], Path(folder) / "log"
             )
+            self.assertEqual(len(mine), 500_000_000)
             # 200 million bytes, and the interpreter.
             self.assertGreater(usage.peak_memory_mb, 190)
             self.assertLess(usage.peak_memory_mb, 300)
