@@ -104,28 +104,43 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
 void DepthGlobalMapper::DropUnreliableDepths(PairGeometries* pairs) {
   StageTimer timer("depth_reliability");
   const std::vector<colmap::image_t> image_ids = FindUnreliableDepths(*pairs);
-  Scene affected;
-  affected.cameras = scene_.cameras;
-  affected.images = scene_.images;
   for (const colmap::image_t image_id : image_ids) {
     LOG(WARNING) << "The depth map of image '"
                  << scene_.images.at(image_id).Name()
                  << "' contradicts its matches and is not used";
     depths_.erase(image_id);
-    for (const auto& [pair_id, matches] : scene_.matches) {
-      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-      if (image_id1 == image_id || image_id2 == image_id) {
-        affected.matches[pair_id] = matches;
-      }
+  }
+  const auto is_unreliable = [&](colmap::image_t image_id) {
+    return std::binary_search(image_ids.begin(), image_ids.end(), image_id);
+  };
+  std::vector<colmap::image_pair_t> affected;
+  for (const auto& [pair_id, matches] : scene_.matches) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (is_unreliable(image_id1) || is_unreliable(image_id2)) {
+      affected.push_back(pair_id);
     }
   }
-  for (auto& [pair_id, pair] : VerifyPairs(affected, depths_, verification_)) {
-    pairs->at(pair_id) = std::move(pair);
-  }
+  VerifyAgain(affected, scene_.cameras, pairs);
   timer.Add("maps_dropped", double(image_ids.size()))
-      .Add("pairs_verified", double(affected.matches.size()));
+      .Add("pairs_verified", double(affected.size()));
   if (!image_ids.empty()) timer.Add(CountPairs(*pairs));
   timer.Finish(&result_.stages);
+}
+
+void DepthGlobalMapper::VerifyAgain(
+    const std::vector<colmap::image_pair_t>& pair_ids,
+    const CameraMap& cameras,
+    PairGeometries* pairs) const {
+  if (pair_ids.empty()) return;
+  Scene scene;
+  scene.cameras = cameras;
+  scene.images = scene_.images;
+  for (const colmap::image_pair_t pair_id : pair_ids) {
+    scene.matches[pair_id] = scene_.matches.at(pair_id);
+  }
+  for (auto& [pair_id, pair] : VerifyPairs(scene, depths_, verification_)) {
+    pairs->at(pair_id) = std::move(pair);
+  }
 }
 
 void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
@@ -159,21 +174,15 @@ void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
     return;
   }
   StageTimer reverification("reverification");
-  Scene calibrated;
-  calibrated.cameras = scene_.cameras;
-  calibrated.images = scene_.images;
-  for (auto& [camera_id, camera] : calibrated.cameras) {
+  CameraMap calibrated_cameras = scene_.cameras;
+  for (auto& [camera_id, camera] : calibrated_cameras) {
     camera.SetPriorFocalLength(true);
   }
+  std::vector<colmap::image_pair_t> valid;
   for (const auto& [pair_id, pair] : *pairs) {
-    if (pair.status == PairStatus::VALID) {
-      calibrated.matches[pair_id] = scene_.matches.at(pair_id);
-    }
+    if (pair.status == PairStatus::VALID) valid.push_back(pair_id);
   }
-  for (auto& [pair_id, pair] :
-       VerifyPairs(calibrated, depths_, verification_)) {
-    pairs->at(pair_id) = std::move(pair);
-  }
+  VerifyAgain(valid, calibrated_cameras, pairs);
   reverification.Add(CountPairs(*pairs));
   reverification.Finish(&result_.stages);
 }

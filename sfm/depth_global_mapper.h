@@ -88,6 +88,10 @@ class DepthGlobalMapper {
   using ImageIds = std::vector<colmap::image_t>;
 
   void DropUnreliableDepths(PairGeometries* pairs);
+  // Verifies pairs once more, with other cameras or fewer depth maps.
+  void VerifyAgain(const std::vector<colmap::image_pair_t>& pair_ids,
+                   const CameraMap& cameras,
+                   PairGeometries* pairs) const;
   void FilterPairs(PairGeometries* pairs);
   void CalibrateAndReverify(PairGeometries* pairs);
   std::optional<ComponentRotations> AverageRotationsOf(
