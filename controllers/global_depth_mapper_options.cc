@@ -59,6 +59,9 @@ void BindBundleAdjustment(ModelRefinementOptions* options,
       .Add("ba_max_num_iterations",
            &adjustment.max_num_iterations,
            "iterations of each bundle adjustment")
+      .Add("ba_function_tolerance",
+           &adjustment.function_tolerance,
+           "relative decrease of the cost that ends bundle adjustment [1]")
       .Add("ba_loss_scale",
            &adjustment.loss_scale_px,
            "residual from which the soft L1 loss grows linearly [px]")

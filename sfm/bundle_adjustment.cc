@@ -2,20 +2,19 @@
 
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
+#include "estimators/bundle_solver.h"
 #include "estimators/option_check.h"
 #include "sfm/model_access.h"
-
-#include <colmap/base/camera_models.h>
-#include <colmap/base/cost_functions.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <memory>
+#include <unordered_map>
 #include <vector>
 
-#include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
+#include <ceres/problem.h>
+#include <glog/logging.h>
 
 namespace dgsfm {
 
@@ -23,179 +22,156 @@ namespace {
 
 // Observations below which the images of a camera cannot carry its intrinsics.
 constexpr size_t kMinNumObservationsPerCamera = 50;
-// Images up to which the reduced camera matrix is kept dense, and sparse.
-constexpr size_t kMaxNumImagesDense = 50;
-constexpr size_t kMaxNumImagesSparse = 1000;
-// Residuals below which threads cost more than they give.
-constexpr int kMinNumResidualsForThreads = 20000;
+// Observations below which threads cost more than they give.
+constexpr size_t kMinNumObservationsForThreads = 10000;
 
-ceres::CostFunction* CreateReprojectionCost(const colmap::Camera& camera,
-                                            const Eigen::Vector2d& xy_px) {
-  switch (camera.ModelId()) {
-#define CAMERA_MODEL_CASE(CameraModel)                                        \
-  case colmap::CameraModel::kModelId:                                         \
-    return colmap::BundleAdjustmentCostFunction<colmap::CameraModel>::Create( \
-        xy_px);
-
-    CAMERA_MODEL_SWITCH_CASES
-
-#undef CAMERA_MODEL_CASE
-  }
-  return nullptr;
-}
-
-class BundleProblem {
+// The arrays of a model, and back.
+class ModelBundle {
  public:
-  BundleProblem(const BundleAdjustmentOptions& options,
-                const CameraMap& prior_cameras,
-                colmap::Reconstruction* model)
+  ModelBundle(const BundleAdjustmentOptions& options,
+              const CameraMap& prior_cameras,
+              colmap::Reconstruction* model)
       : options_(options),
         prior_cameras_(prior_cameras),
         model_(model),
-        loss_(options.loss_scale_px) {
-    ceres::Problem::Options problem_options;
-    problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    problem_ = std::make_unique<ceres::Problem>(problem_options);
+        point_ids_(SortedPoints(*model)) {
+    for (size_t i = 0; i < point_ids_.size(); ++i) {
+      point_indices_[point_ids_[i]] = int(i);
+      bundle_.points.push_back(model->Point3D(point_ids_[i]).XYZ());
+    }
     for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
       AddImage(image_id);
     }
-    for (const auto& [camera_id, count] : num_observations_) {
-      ParameterizeCamera(count, &model->Camera(camera_id));
+    for (size_t i = 0; i < camera_ids_.size(); ++i) {
+      RefineCamera(num_observations_[i], i);
     }
   }
 
+  // Holds the pose of an image and one coordinate of another.
   void FixGauge(colmap::image_t fixed_image) {
-    colmap::Image& image = model_->Image(fixed_image);
-    if (problem_->HasParameterBlock(image.Tvec().data())) {
-      problem_->SetParameterBlockConstant(image.Qvec().data());
-      problem_->SetParameterBlockConstant(image.Tvec().data());
-    }
-    const Eigen::Vector3d center = CamFromWorld(image).TargetOriginInSource();
-    colmap::Image* farthest = nullptr;
+    const Eigen::Vector3d center =
+        CamFromWorld(model_->Image(fixed_image)).TargetOriginInSource();
+    BundleImage* farthest = nullptr;
     double max_distance = 0;
-    for (const colmap::image_t image_id : SortedRegisteredImages(*model_)) {
-      colmap::Image& other = model_->Image(image_id);
+    for (size_t i = 0; i < image_ids_.size(); ++i) {
+      BundleImage& image = bundle_.images[i];
+      if (image_ids_[i] == fixed_image) image.is_constant.fill(true);
       const double distance =
-          (CamFromWorld(other).TargetOriginInSource() - center).norm();
-      if (distance > max_distance &&
-          problem_->HasParameterBlock(other.Tvec().data())) {
+          (image.cam_from_world.TargetOriginInSource() - center).norm();
+      if (distance > max_distance) {
         max_distance = distance;
-        farthest = &other;
+        farthest = &image;
       }
     }
     if (!farthest) return;
     int coordinate = 0;
-    farthest->Tvec().cwiseAbs().maxCoeff(&coordinate);
-    colmap::SetSubsetManifold(
-        3, {coordinate}, problem_.get(), farthest->Tvec().data());
+    farthest->cam_from_world.translation.cwiseAbs().maxCoeff(&coordinate);
+    farthest->is_constant[3 + coordinate] = true;
   }
 
   std::optional<double> Solve(int num_threads) {
-    if (problem_->NumResiduals() == 0) return std::nullopt;
-    ceres::Solver::Options solver;
-    solver.max_num_iterations = options_.max_num_iterations;
-    solver.function_tolerance = 1e-6;
-    solver.gradient_tolerance = 1e-10;
-    solver.parameter_tolerance = 1e-8;
-    solver.max_num_consecutive_invalid_steps = 10;
-    solver.logging_type = ceres::LoggingType::SILENT;
-    solver.num_threads = problem_->NumResiduals() < kMinNumResidualsForThreads
-                             ? 1
-                             : EffectiveNumThreads(num_threads);
-    const size_t num_images = model_->NumRegImages();
-    if (num_images <= kMaxNumImagesDense) {
-      solver.linear_solver_type = ceres::DENSE_SCHUR;
-    } else if (num_images <= kMaxNumImagesSparse) {
-      solver.linear_solver_type = ceres::SPARSE_SCHUR;
-    } else {
-      solver.linear_solver_type = ceres::ITERATIVE_SCHUR;
-      solver.preconditioner_type = ceres::SCHUR_JACOBI;
-      solver.max_linear_solver_iterations = 200;
-    }
-    ceres::Solver::Summary summary;
-    ceres::Solve(solver, problem_.get(), &summary);
-    if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) {
-      return std::nullopt;
-    }
-    return std::sqrt(2 * summary.final_cost /
-                     std::max<double>(1, 0.5 * summary.num_residuals));
+    const size_t num_observations = bundle_.observations.size();
+    if (num_observations == 0) return std::nullopt;
+    PointMinimizerOptions options;
+    options.max_num_iterations = options_.max_num_iterations;
+    options.function_tolerance = options_.function_tolerance;
+    options.num_threads = num_observations < kMinNumObservationsForThreads
+                              ? 1
+                              : EffectiveNumThreads(num_threads);
+    const PointMinimizerSummary summary =
+        SolveBundle(options, options_.loss_scale_px, &camera_terms_, &bundle_);
+    if (!summary.success) return std::nullopt;
+    VLOG(1) << "Bundle adjustment: " << summary.num_iterations
+            << " iterations, cost " << summary.initial_cost << " to "
+            << summary.final_cost;
+    WriteBack();
+    return std::sqrt(2 * summary.final_cost / double(num_observations));
   }
 
  private:
   void AddImage(colmap::image_t image_id) {
-    colmap::Image& image = model_->Image(image_id);
+    const colmap::Image& image = model_->Image(image_id);
     if (image.NumPoints3D() == 0) return;
-    // The cost functions assume unit quaternions.
-    image.NormalizeQvec();
-    colmap::Camera& camera = model_->Camera(image.CameraId());
+    const colmap::Camera& camera = model_->Camera(image.CameraId());
+    const auto [it, is_new] =
+        camera_indices_.emplace(image.CameraId(), int(bundle_.cameras.size()));
+    if (is_new) {
+      camera_ids_.push_back(image.CameraId());
+      num_observations_.push_back(0);
+      bundle_.cameras.push_back({camera.ModelId(), camera.Params(), {}});
+    }
+    num_observations_[it->second] += image.NumPoints3D();
     for (const colmap::Point2D& point2D : image.Points2D()) {
       if (!point2D.HasPoint3D()) continue;
-      problem_->AddResidualBlock(
-          CreateReprojectionCost(camera, point2D.XY()),
-          &loss_,
-          image.Qvec().data(),
-          image.Tvec().data(),
-          model_->Point3D(point2D.Point3DId()).XYZ().data(),
-          camera.ParamsData());
+      bundle_.observations.push_back({int(image_ids_.size()),
+                                      point_indices_.at(point2D.Point3DId()),
+                                      point2D.XY()});
     }
-    num_observations_[image.CameraId()] += image.NumPoints3D();
-    colmap::SetQuaternionManifold(problem_.get(), image.Qvec().data());
+    image_ids_.push_back(image_id);
+    bundle_.images.push_back({CamFromWorld(image), it->second, {}});
   }
 
-  void ParameterizeCamera(size_t num_observations, colmap::Camera* camera) {
-    const bool refine_principal_point =
-        options_.refine_principal_point && !camera->HasPriorFocalLength();
-    std::vector<int> constant;
-    const auto add_constant = [&](const std::vector<size_t>& idxs) {
-      constant.insert(constant.end(), idxs.begin(), idxs.end());
+  void RefineCamera(size_t num_observations, size_t index) {
+    const colmap::Camera& camera = model_->Camera(camera_ids_[index]);
+    if (num_observations < kMinNumObservationsPerCamera) return;
+    std::vector<int>& refined = bundle_.cameras[index].refined_params;
+    const auto refine = [&](const std::vector<size_t>& idxs) {
+      refined.insert(refined.end(), idxs.begin(), idxs.end());
     };
-    if (!options_.refine_focal_length) add_constant(camera->FocalLengthIdxs());
-    if (!options_.refine_extra_params) add_constant(camera->ExtraParamsIdxs());
-    if (!refine_principal_point) add_constant(camera->PrincipalPointIdxs());
-    if (num_observations < kMinNumObservationsPerCamera ||
-        constant.size() == camera->NumParams()) {
-      problem_->SetParameterBlockConstant(camera->ParamsData());
-      return;
-    }
-    if (!constant.empty()) {
-      colmap::SetSubsetManifold(int(camera->NumParams()),
-                                constant,
-                                problem_.get(),
-                                camera->ParamsData());
-    }
-    if (refine_principal_point) {
-      AddPrior(camera->PrincipalPointIdxs(),
+    if (options_.refine_focal_length) refine(camera.FocalLengthIdxs());
+    if (options_.refine_principal_point && !camera.HasPriorFocalLength()) {
+      refine(camera.PrincipalPointIdxs());
+      AddPrior(camera.PrincipalPointIdxs(),
                options_.principal_point_stddev_ratio *
-                   double(std::max(camera->Width(), camera->Height())),
-               camera);
+                   double(std::max(camera.Width(), camera.Height())),
+               index);
     }
     if (options_.refine_extra_params) {
-      AddPrior(camera->ExtraParamsIdxs(), options_.extra_params_stddev, camera);
+      refine(camera.ExtraParamsIdxs());
+      AddPrior(camera.ExtraParamsIdxs(), options_.extra_params_stddev, index);
     }
   }
 
   // Normal prior about the database's values, in the unit of the image errors.
-  void AddPrior(const std::vector<size_t>& idxs,
-                double stddev,
-                colmap::Camera* camera) {
+  void AddPrior(const std::vector<size_t>& idxs, double stddev, size_t index) {
     if (idxs.empty()) return;
-    ceres::Matrix A = ceres::Matrix::Zero(idxs.size(), camera->NumParams());
+    std::vector<double>& params = bundle_.cameras[index].params;
+    ceres::Matrix A = ceres::Matrix::Zero(idxs.size(), params.size());
     for (size_t i = 0; i < idxs.size(); ++i) {
       A(i, idxs[i]) = options_.keypoint_stddev_px / stddev;
     }
     const ceres::Vector mean = Eigen::Map<const Eigen::VectorXd>(
-        prior_cameras_.at(camera->CameraId()).ParamsData(),
-        camera->NumParams());
-    problem_->AddResidualBlock(
-        new ceres::NormalPrior(A, mean), nullptr, camera->ParamsData());
+        prior_cameras_.at(camera_ids_[index]).ParamsData(), params.size());
+    camera_terms_.AddResidualBlock(
+        new ceres::NormalPrior(A, mean), nullptr, params.data());
+  }
+
+  void WriteBack() {
+    for (size_t i = 0; i < image_ids_.size(); ++i) {
+      SetCamFromWorld(bundle_.images[i].cam_from_world,
+                      &model_->Image(image_ids_[i]));
+    }
+    for (size_t i = 0; i < camera_ids_.size(); ++i) {
+      model_->Camera(camera_ids_[i]).SetParams(bundle_.cameras[i].params);
+    }
+    for (size_t i = 0; i < point_ids_.size(); ++i) {
+      model_->Point3D(point_ids_[i]).SetXYZ(bundle_.points[i]);
+    }
   }
 
   const BundleAdjustmentOptions& options_;
   const CameraMap& prior_cameras_;
   colmap::Reconstruction* model_;
-  ceres::SoftLOneLoss loss_;
-  std::unique_ptr<ceres::Problem> problem_;
-  std::map<colmap::camera_t, size_t> num_observations_;
+  // By their index in the bundle.
+  std::vector<colmap::image_t> image_ids_;
+  std::vector<colmap::camera_t> camera_ids_;
+  const std::vector<colmap::point3D_t> point_ids_;
+  std::map<colmap::camera_t, int> camera_indices_;
+  std::unordered_map<colmap::point3D_t, int> point_indices_;
+  std::vector<size_t> num_observations_;
+  Bundle bundle_;
+  // Terms of the `params` of the cameras of the bundle.
+  ceres::Problem camera_terms_;
 };
 
 }  // namespace
@@ -204,6 +180,10 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
   return CheckOption(max_num_iterations >= 1,
                      "max_num_iterations must be >= 1",
                      max_num_iterations,
+                     error) &&
+         CheckOption(function_tolerance >= 0,
+                     "function_tolerance must be >= 0",
+                     function_tolerance,
                      error) &&
          CheckOption(loss_scale_px > 0,
                      "loss_scale_px must be > 0",
@@ -229,9 +209,9 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    const CameraMap& prior_cameras,
                                    colmap::Reconstruction* model) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  BundleProblem problem(options, prior_cameras, model);
-  problem.FixGauge(fixed_image);
-  return problem.Solve(num_threads);
+  ModelBundle bundle(options, prior_cameras, model);
+  bundle.FixGauge(fixed_image);
+  return bundle.Solve(num_threads);
 }
 
 }  // namespace dgsfm

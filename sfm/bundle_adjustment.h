@@ -16,6 +16,8 @@ namespace dgsfm {
 
 struct BundleAdjustmentOptions {
   int max_num_iterations = 100;
+  // Relative decrease of the cost by an iteration that ends it [1].
+  double function_tolerance = 1e-4;
   // Residual from which the soft L1 loss grows linearly [px]: about twice the
   // noise of key points.
   double loss_scale_px = 0.5;
@@ -41,10 +43,9 @@ struct BundleAdjustmentOptions {
 // from the priors over poses, points and intrinsics. Gauge: the pose of
 // fixed_image, and the largest coordinate of the translation of the image
 // farthest from it. Cameras whose images have hardly any observations keep
-// their intrinsics. Dense, sparse or iterative Schur complement by the number
-// of images, as COLMAP does. Returns the root of the mean robust squared error
-// [px], or nothing if there is nothing to adjust or the solver failed.
-// Deterministic with one thread.
+// their intrinsics. Returns the root of the mean robust squared error [px], or
+// nothing if there is nothing to adjust or the solver failed. The same for any
+// number of threads.
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,

@@ -1,0 +1,379 @@
+// Normal equations of cameras and points with the points eliminated (Schur
+// complement), in contiguous arrays.
+
+#pragma once
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/parallel.h"
+#include "estimators/reduced_system.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+// Of all observations, sorted by point and then by camera: no point sees one
+// camera after another of a higher index.
+struct ObservationIndex {
+  int num_cameras = 0;
+  int num_points = 0;
+  std::vector<int> cameras;
+  std::vector<int> points;
+};
+
+// Residuals r of size kResidual depend on the up to kCamera parameters of one
+// camera and on one point. Parameters are mapped to columns of the reduced
+// system: cameras may share columns, and a parameter without one (-1) is
+// constant. Results are the same for any number of threads: each sum is formed
+// by one thread in the order of the observations.
+template <int kResidual, int kCamera>
+class PointElimination {
+ public:
+  using CameraColumns = std::array<int, kCamera>;
+  // A residual with its derivatives, transposed.
+  struct Row {
+    Eigen::Matrix<double, kResidual, 1> residual;
+    Eigen::Matrix<double, kCamera, kResidual> by_camera;
+    Eigen::Matrix<double, 3, kResidual> by_point;
+  };
+
+  // The references must outlive this.
+  PointElimination(const ObservationIndex& observations,
+                   const std::vector<CameraColumns>& camera_columns,
+                   int num_threads)
+      : observations_(observations),
+        columns_(camera_columns),
+        num_threads_(num_threads),
+        rows_(observations.cameras.size()),
+        point_blocks_(observations.num_points),
+        camera_blocks_(observations.num_cameras) {
+    IndexObservations();
+    IndexBlocks();
+  }
+
+  // To be filled, one an observation.
+  std::vector<Row>& Rows() { return rows_; }
+
+  // Pairs of columns that the reduced system couples.
+  std::vector<std::pair<int, int>> Pattern() const {
+    std::vector<std::pair<int, int>> pattern;
+    ForEachEntry([&](size_t, int, int, int column1, int column2) {
+      pattern.emplace_back(column1, column2);
+    });
+    return pattern;
+  }
+
+  // Looks up where the blocks go; before anything below.
+  void Attach(const ReducedSystem& system) {
+    targets_.assign(block_cameras_.size() * kCamera * kCamera, -1);
+    doubled_.clear();
+    ForEachEntry([&](size_t block, int i, int j, int column1, int column2) {
+      const size_t source = block * kCamera * kCamera + j * kCamera + i;
+      targets_[source] = system.EntryOf(column1, column2);
+      if (column1 == column2 && !IsDiagonal(block)) doubled_.push_back(source);
+    });
+  }
+
+  // Sums up J^T J and J^T r of the rows. Adds the diagonal and the gradient of
+  // the cameras to vectors over columns.
+  void Accumulate(Eigen::VectorXd* diagonal, Eigen::VectorXd* gradient) {
+    ParallelChunks(observations_.num_points, [&](int point) {
+      PointBlock& block = point_blocks_[point];
+      block.hessian.setZero();
+      block.gradient.setZero();
+      for (int k = point_begin_[point]; k < point_begin_[point + 1]; ++k) {
+        const Row& row = rows_[k];
+        block.hessian.noalias() += row.by_point * row.by_point.transpose();
+        block.gradient.noalias() += row.by_point * row.residual;
+      }
+    });
+    ParallelFor(observations_.num_cameras, num_threads_, [&](size_t camera) {
+      CameraBlock& block = camera_blocks_[camera];
+      block.hessian.setZero();
+      block.gradient.setZero();
+      for (const int k : ObservationsOf(int(camera))) {
+        const Row& row = rows_[k];
+        block.hessian.noalias() += row.by_camera * row.by_camera.transpose();
+        block.gradient.noalias() += row.by_camera * row.residual;
+      }
+    });
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      for (int i = 0; i < kCamera; ++i) {
+        const int column = columns_[camera][i];
+        if (column < 0) continue;
+        (*diagonal)(column) += camera_blocks_[camera].hessian(i, i);
+        (*gradient)(column) += camera_blocks_[camera].gradient(i);
+      }
+    }
+  }
+
+  // Eliminates the points with their diagonals grown by `damping` of
+  // themselves; adds the reduced matrix and right side -J^T r to the system.
+  // The diagonals of the cameras are not damped.
+  void Eliminate(double damping, ReducedSystem* system, Eigen::VectorXd* rhs) {
+    ParallelChunks(observations_.num_points, [&](int point) {
+      PointBlock& block = point_blocks_[point];
+      Eigen::Matrix3d damped = block.hessian;
+      damped.diagonal() += damping * Damped(block.hessian.diagonal());
+      block.inverse = damped.llt().solve(Eigen::Matrix3d::Identity());
+    });
+    ParallelFor(observations_.num_cameras, num_threads_, [&](size_t camera) {
+      EliminateFrom(int(camera));
+    });
+    double* values = system->Values();
+    for (size_t block = 0; block < blocks_.size(); ++block) {
+      const double* source = blocks_[block].data();
+      const int64_t* target = &targets_[block * kCamera * kCamera];
+      for (int i = 0; i < kCamera * kCamera; ++i) {
+        if (target[i] >= 0) values[target[i]] += source[i];
+      }
+    }
+    // Both halves of the matrix meet on its diagonal.
+    for (const size_t source : doubled_) {
+      values[targets_[source]] += blocks_[source / (kCamera * kCamera)]
+                                      .data()[source % (kCamera * kCamera)];
+    }
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      for (int i = 0; i < kCamera; ++i) {
+        const int column = columns_[camera][i];
+        if (column >= 0) (*rhs)(column) += camera_blocks_[camera].rhs(i);
+      }
+    }
+  }
+
+  // Steps of the points given those of the columns.
+  void Substitute(const Eigen::VectorXd& column_steps,
+                  std::vector<Eigen::Vector3d>* point_steps) const {
+    std::vector<Eigen::Matrix<double, kCamera, 1>> camera_steps(
+        observations_.num_cameras);
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      for (int i = 0; i < kCamera; ++i) {
+        const int column = columns_[camera][i];
+        camera_steps[camera](i) = column < 0 ? 0 : column_steps(column);
+      }
+    }
+    point_steps->resize(observations_.num_points);
+    ParallelChunks(observations_.num_points, [&](int point) {
+      const PointBlock& block = point_blocks_[point];
+      Eigen::Vector3d gradient = block.gradient;
+      for (int k = point_begin_[point]; k < point_begin_[point + 1]; ++k) {
+        const Row& row = rows_[k];
+        gradient.noalias() +=
+            row.by_point * (row.by_camera.transpose() *
+                            camera_steps[observations_.cameras[k]]);
+      }
+      (*point_steps)[point].noalias() = -(block.inverse * gradient);
+    });
+  }
+
+  // Decrease of the linearised cost by the steps of the points, less what the
+  // columns share in: (damping D d - g) d / 2.
+  double PointDecrease(double damping,
+                       const std::vector<Eigen::Vector3d>& steps) const {
+    double decrease = 0;
+    for (int point = 0; point < observations_.num_points; ++point) {
+      const PointBlock& block = point_blocks_[point];
+      decrease +=
+          0.5 *
+          steps[point].dot(
+              damping *
+                  Damped(block.hessian.diagonal()).cwiseProduct(steps[point]) -
+              block.gradient);
+    }
+    return decrease;
+  }
+
+  // What the damping is relative to.
+  template <typename Vector>
+  static auto Damped(const Vector& diagonal) {
+    return diagonal.cwiseMax(kMinDiagonal);
+  }
+
+  // Calls function(i) for i in [0, count), on several threads in chunks.
+  template <typename Function>
+  void ParallelChunks(int count, const Function& function) const {
+    const int num_chunks = (count + kChunkSize - 1) / kChunkSize;
+    ParallelFor(num_chunks, num_threads_, [&](size_t chunk) {
+      const int end = std::min<int>(count, (int(chunk) + 1) * kChunkSize);
+      for (int i = int(chunk) * kChunkSize; i < end; ++i) function(i);
+    });
+  }
+
+ private:
+  using CameraVector = Eigen::Matrix<double, kCamera, 1>;
+  using CameraMatrix = Eigen::Matrix<double, kCamera, kCamera>;
+
+  static constexpr double kMinDiagonal = 1e-12;
+  static constexpr int kChunkSize = 1000;
+
+  struct PointBlock {
+    Eigen::Matrix3d hessian;
+    Eigen::Matrix3d inverse;
+    Eigen::Vector3d gradient;
+  };
+  struct CameraBlock {
+    CameraMatrix hessian;
+    CameraVector gradient;
+    CameraVector rhs;
+  };
+  // Of an array sorted in groups.
+  struct Range {
+    const int* first;
+    const int* last;
+    const int* begin() const { return first; }
+    const int* end() const { return last; }
+  };
+
+  Range ObservationsOf(int camera) const {
+    return {camera_observations_.data() + camera_begin_[camera],
+            camera_observations_.data() + camera_begin_[camera + 1]};
+  }
+
+  void IndexObservations() {
+    const size_t num_observations = observations_.cameras.size();
+    DGSFM_CHECK(observations_.points.size() == num_observations);
+    DGSFM_CHECK(columns_.size() == size_t(observations_.num_cameras));
+    point_begin_.assign(observations_.num_points + 1, 0);
+    camera_begin_.assign(observations_.num_cameras + 1, 0);
+    for (size_t k = 0; k < num_observations; ++k) {
+      const std::pair<int, int> key(observations_.points[k],
+                                    observations_.cameras[k]);
+      DGSFM_CHECK(k == 0 || std::make_pair(observations_.points[k - 1],
+                                           observations_.cameras[k - 1]) <= key)
+          << "observation " << k << " is out of order";
+      ++point_begin_[key.first + 1];
+      ++camera_begin_[key.second + 1];
+    }
+    for (int i = 0; i < observations_.num_points; ++i) {
+      point_begin_[i + 1] += point_begin_[i];
+    }
+    for (int i = 0; i < observations_.num_cameras; ++i) {
+      camera_begin_[i + 1] += camera_begin_[i];
+    }
+    camera_observations_.resize(num_observations);
+    std::vector<int> next = camera_begin_;
+    for (size_t k = 0; k < num_observations; ++k) {
+      camera_observations_[next[observations_.cameras[k]]++] = int(k);
+    }
+  }
+
+  // One block a pair of cameras with a common point; those of a camera follow
+  // each other, by the second camera, the first of them the diagonal.
+  void IndexBlocks() {
+    std::vector<int> last_seen_by(observations_.num_cameras, -1);
+    block_begin_.assign(1, 0);
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      const size_t begin = block_cameras_.size();
+      last_seen_by[camera] = camera;
+      block_cameras_.push_back(camera);
+      for (const int k : ObservationsOf(camera)) {
+        const int end = point_begin_[observations_.points[k] + 1];
+        for (int l = k + 1; l < end; ++l) {
+          const int other = observations_.cameras[l];
+          if (last_seen_by[other] == camera) continue;
+          last_seen_by[other] = camera;
+          block_cameras_.push_back(other);
+        }
+      }
+      std::sort(block_cameras_.begin() + begin, block_cameras_.end());
+      block_begin_.push_back(block_cameras_.size());
+    }
+    blocks_.resize(block_cameras_.size());
+  }
+
+  bool IsDiagonal(size_t block) const {
+    return std::binary_search(block_begin_.begin(), block_begin_.end(), block);
+  }
+
+  // Calls function(block, i, j, column_i, column_j) for the entries of all
+  // blocks that count: of those on the diagonal one half.
+  template <typename Function>
+  void ForEachEntry(const Function& function) const {
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      for (size_t b = block_begin_[camera]; b < block_begin_[camera + 1]; ++b) {
+        const int other = block_cameras_[b];
+        for (int j = 0; j < kCamera; ++j) {
+          const int num_rows = other == camera ? j + 1 : kCamera;
+          for (int i = 0; i < num_rows; ++i) {
+            const int column1 = columns_[camera][i];
+            const int column2 = columns_[other][j];
+            if (column1 >= 0 && column2 >= 0) {
+              function(b, i, j, column1, column2);
+            }
+          }
+        }
+      }
+    }
+  }
+
+  // The blocks of a camera and its part of the right side.
+  void EliminateFrom(int camera) {
+    CameraBlock& own = camera_blocks_[camera];
+    own.rhs = -own.gradient;
+    const int* others = block_cameras_.data() + block_begin_[camera];
+    const int* others_end = block_cameras_.data() + block_begin_[camera + 1];
+    CameraMatrix* blocks = blocks_.data() + block_begin_[camera];
+    blocks[0] = own.hessian;
+    std::for_each(blocks + 1, blocks + (others_end - others), [](auto& block) {
+      block.setZero();
+    });
+    for (const int k : ObservationsOf(camera)) {
+      const Row& row = rows_[k];
+      const int point = observations_.points[k];
+      const PointBlock& point_block = point_blocks_[point];
+      const Eigen::Matrix<double, kResidual, 3> projected =
+          row.by_point.transpose() * point_block.inverse;
+      own.rhs.noalias() += row.by_camera * (projected * point_block.gradient);
+      const int* other = others;
+      for (int l = k; l < point_begin_[point + 1]; ++l) {
+        const Row& other_row = rows_[l];
+        const Eigen::Matrix<double, kResidual, kResidual> core =
+            projected * other_row.by_point;
+        const Eigen::Matrix<double, kCamera, kResidual> right =
+            other_row.by_camera * core.transpose();
+        other = std::lower_bound(other, others_end, observations_.cameras[l]);
+        CameraMatrix& block = blocks[other - others];
+        SubtractProduct(row.by_camera, right, &block);
+        // Twice in the track of one point.
+        if (other == others && l > k) {
+          SubtractProduct(right, row.by_camera, &block);
+        }
+      }
+    }
+  }
+
+  static void SubtractProduct(
+      const Eigen::Matrix<double, kCamera, kResidual>& left,
+      const Eigen::Matrix<double, kCamera, kResidual>& right,
+      CameraMatrix* block) {
+    for (int j = 0; j < kCamera; ++j) {
+      CameraVector sum = left.col(0) * right(j, 0);
+      for (int r = 1; r < kResidual; ++r) sum += left.col(r) * right(j, r);
+      block->col(j) -= sum;
+    }
+  }
+
+  const ObservationIndex& observations_;
+  const std::vector<CameraColumns>& columns_;
+  const int num_threads_;
+  std::vector<Row> rows_;
+  std::vector<int> point_begin_;
+  std::vector<int> camera_begin_;
+  std::vector<int> camera_observations_;
+  std::vector<PointBlock> point_blocks_;
+  std::vector<CameraBlock> camera_blocks_;
+  std::vector<size_t> block_begin_;
+  std::vector<int> block_cameras_;
+  std::vector<CameraMatrix> blocks_;
+  // Entry of the reduced system of each entry of the blocks, or -1.
+  std::vector<int64_t> targets_;
+  std::vector<size_t> doubled_;
+};
+
+}  // namespace dgsfm
