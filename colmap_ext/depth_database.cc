@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/colmap_schema.h"
 #include "colmap_ext/depth_schema.h"
+#include "colmap_ext/fnv_hash.h"
 #include "colmap_ext/pair_geometry_table.h"
 
 #include <algorithm>
@@ -19,12 +20,27 @@ bool IsFocalLength(double focal_length_px) {
   return std::isfinite(focal_length_px) && focal_length_px >= 0;
 }
 
+void CheckSamples(const KeypointDepths& keypoint_depths) {
+  DGSFM_CHECK(IsFocalLength(keypoint_depths.focal_length_px))
+      << keypoint_depths.focal_length_px;
+  DGSFM_CHECK(std::all_of(
+      keypoint_depths.depths.begin(), keypoint_depths.depths.end(), IsDepth));
+}
+
+// Of the blob of key points; a NULL is an empty one.
+uint64_t KeypointsFingerprint(const SqliteStatement& row, int column) {
+  FnvHash hash;
+  hash.AddAll(row.Blob<uint32_t>(column));
+  return hash.Value();
+}
+
 }  // namespace
 
 struct DepthDatabase::Impl {
   struct ImageInfo {
     std::string name;
     int64_t num_keypoints = 0;
+    uint64_t keypoints_fingerprint = 0;
   };
 
   Impl(const std::string& path,
@@ -57,14 +73,14 @@ struct DepthDatabase::Impl {
   ImageInfo ReadImage(colmap::image_t image_id) const {
     SqliteStatement select(
         connection,
-        "SELECT name, coalesce(keypoints.rows, 0) FROM images "
+        "SELECT name, coalesce(keypoints.rows, 0), keypoints.data FROM images "
         "LEFT JOIN keypoints USING (image_id) "
         "WHERE images.image_id = ?");
     select.BindInt(1, image_id);
     if (!select.Step()) {
       throw connection.Error() << "no image with id " << image_id;
     }
-    return {select.Text(0), select.Int(1)};
+    return {select.Text(0), select.Int(1), KeypointsFingerprint(select, 2)};
   }
 
   DepthUnit CheckedUnit(int64_t unit, const std::string& name) const {
@@ -75,6 +91,9 @@ struct DepthDatabase::Impl {
     }
     return static_cast<DepthUnit>(unit);
   }
+
+  void WriteSamples(colmap::image_t image_id,
+                    const KeypointDepths& keypoint_depths);
 
   SqliteConnection connection;
   const Mode mode;
@@ -88,6 +107,26 @@ DepthDatabase::DepthDatabase(const std::string& path,
 
 DepthDatabase::~DepthDatabase() = default;
 
+void DepthDatabase::Impl::WriteSamples(colmap::image_t image_id,
+                                       const KeypointDepths& keypoint_depths) {
+  const ImageInfo image = ReadImage(image_id);
+  DGSFM_CHECK(int64_t(keypoint_depths.depths.size()) == image.num_keypoints)
+      << keypoint_depths.depths.size() << " depths for " << image.num_keypoints
+      << " key points of " << image.name;
+  SqliteStatement(connection,
+                  "INSERT OR REPLACE INTO dgsfm_keypoint_depths(image_id, "
+                  "unit, rows, data, focal_length, keypoints_fingerprint, "
+                  "source_fingerprint) VALUES (?, ?, ?, ?, ?, ?, ?)")
+      .BindInt(1, image_id)
+      .BindInt(2, static_cast<int>(keypoint_depths.unit))
+      .BindInt(3, static_cast<int64_t>(keypoint_depths.depths.size()))
+      .BindBlob(4, keypoint_depths.depths)
+      .BindDouble(5, keypoint_depths.focal_length_px)
+      .BindInt(6, static_cast<int64_t>(image.keypoints_fingerprint))
+      .BindInt(7, static_cast<int64_t>(keypoint_depths.source_fingerprint))
+      .Run();
+}
+
 void DepthDatabase::WriteDepthMap(colmap::image_t image_id,
                                   const DepthMap& depth_map,
                                   const KeypointDepths& keypoint_depths) {
@@ -98,15 +137,9 @@ void DepthDatabase::WriteCompressedDepthMap(
     colmap::image_t image_id,
     const CompressedDepthMap& depth_map,
     const KeypointDepths& keypoint_depths) {
-  DGSFM_CHECK(IsFocalLength(keypoint_depths.focal_length_px))
-      << keypoint_depths.focal_length_px;
-  DGSFM_CHECK(std::all_of(
-      keypoint_depths.depths.begin(), keypoint_depths.depths.end(), IsDepth));
+  CheckSamples(keypoint_depths);
   impl_->RunWrite([&] {
-    const Impl::ImageInfo image = impl_->ReadImage(image_id);
-    DGSFM_CHECK(int64_t(keypoint_depths.depths.size()) == image.num_keypoints)
-        << keypoint_depths.depths.size() << " depths for "
-        << image.num_keypoints << " key points of " << image.name;
+    impl_->WriteSamples(image_id, keypoint_depths);
     SqliteStatement(impl_->connection,
                     "INSERT OR REPLACE INTO dgsfm_depth_maps(image_id, width, "
                     "height, unit, data) VALUES (?, ?, ?, ?, ?)")
@@ -116,14 +149,17 @@ void DepthDatabase::WriteCompressedDepthMap(
         .BindInt(4, static_cast<int>(depth_map.unit))
         .BindBlob(5, depth_map.bytes)
         .Run();
+  });
+}
+
+void DepthDatabase::WriteKeypointDepths(colmap::image_t image_id,
+                                        const KeypointDepths& keypoint_depths) {
+  CheckSamples(keypoint_depths);
+  impl_->RunWrite([&] {
+    impl_->WriteSamples(image_id, keypoint_depths);
     SqliteStatement(impl_->connection,
-                    "INSERT OR REPLACE INTO dgsfm_keypoint_depths(image_id, "
-                    "unit, rows, data, focal_length) VALUES (?, ?, ?, ?, ?)")
+                    "DELETE FROM dgsfm_depth_maps WHERE image_id = ?")
         .BindInt(1, image_id)
-        .BindInt(2, static_cast<int>(keypoint_depths.unit))
-        .BindInt(3, static_cast<int64_t>(keypoint_depths.depths.size()))
-        .BindBlob(4, keypoint_depths.depths)
-        .BindDouble(5, keypoint_depths.focal_length_px)
         .Run();
   });
 }
@@ -170,16 +206,16 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
   SqliteStatement select(
       impl_->connection,
       "SELECT images.image_id, name, coalesce(keypoints.rows, 0), unit, "
-      "depths.rows, depths.data, focal_length FROM dgsfm_keypoint_depths AS "
-      "depths "
+      "depths.rows, depths.data, focal_length, keypoints_fingerprint, "
+      "source_fingerprint, keypoints.data FROM dgsfm_keypoint_depths AS depths "
       "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)");
   while (select.Step()) {
     const std::string name = select.Text(1);
-    const int64_t num_keypoints = select.Int(2);
     KeypointDepths depths;
     depths.unit = impl_->CheckedUnit(select.Int(3), name);
     depths.depths = select.Blob<float>(5);
     depths.focal_length_px = select.Double(6);
+    depths.source_fingerprint = static_cast<uint64_t>(select.Int(8));
     if (!IsFocalLength(depths.focal_length_px) ||
         select.Int(4) != int64_t(depths.depths.size()) ||
         !std::all_of(depths.depths.begin(), depths.depths.end(), IsDepth)) {
@@ -187,10 +223,13 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
           << "image " << name
           << ": damaged depth at key points; run depth_importer again";
     }
-    if (select.Int(4) != num_keypoints) {
+    const auto fingerprint = static_cast<uint64_t>(select.Int(7));
+    if (select.Int(4) != select.Int(2) ||
+        (fingerprint != 0 && fingerprint != KeypointsFingerprint(select, 9))) {
       throw impl_->connection.Error()
-          << "image " << name << " has " << num_keypoints
-          << " key points, but depth was imported for " << select.Int(4)
+          << "image " << name << " has " << select.Int(2)
+          << " key points, but depth was imported for "
+          << (select.Int(4) == select.Int(2) ? "other " : "") << select.Int(4)
           << "; features were extracted again since: run depth_importer "
              "again";
     }
@@ -198,6 +237,26 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
                        std::move(depths));
   }
   return all_depths;
+}
+
+std::map<colmap::image_t, uint64_t> DepthDatabase::ReadSourceFingerprints()
+    const {
+  std::map<colmap::image_t, uint64_t> fingerprints;
+  if (!impl_->HasTables()) return fingerprints;
+  SqliteStatement select(
+      impl_->connection,
+      "SELECT images.image_id, source_fingerprint, keypoints_fingerprint, "
+      "keypoints.data FROM dgsfm_keypoint_depths "
+      "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)");
+  while (select.Step()) {
+    if (static_cast<uint64_t>(select.Int(2)) !=
+        KeypointsFingerprint(select, 3)) {
+      continue;
+    }
+    fingerprints.emplace(static_cast<colmap::image_t>(select.Int(0)),
+                         static_cast<uint64_t>(select.Int(1)));
+  }
+  return fingerprints;
 }
 
 void DepthDatabase::WritePairGeometries(

@@ -29,8 +29,8 @@ class DepthDatabase {
   // The file must exist and be a COLMAP database. Without our tables it is
   // read as one without priors; the first write creates them, so that opening
   // alone changes nothing. Tables of an older version are brought up to date
-  // when opened for writing: depth stays, pair geometries go. Otherwise
-  // another version is refused, with the remedy.
+  // when opened for writing (see UpdateDepthTables). Otherwise another version
+  // is refused, with the remedy.
   DepthDatabase(const std::string& path,
                 Mode mode,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
@@ -44,13 +44,20 @@ class DepthDatabase {
   void WriteCompressedDepthMap(colmap::image_t image_id,
                                const CompressedDepthMap& depth_map,
                                const KeypointDepths& keypoint_depths);
+  // Writes the samples alone: a map of the image from before is deleted.
+  void WriteKeypointDepths(colmap::image_t image_id,
+                           const KeypointDepths& keypoint_depths);
+
   bool HasDepthMap(colmap::image_t image_id) const;
   DepthMap ReadDepthMap(colmap::image_t image_id) const;
 
-  // Samples of all images that have them. Throws if the number of samples of
-  // an image is not its number of key points in the database (features were
-  // extracted again after the import), naming the image and the remedy.
+  // Samples of all images that have them. Throws if an image has other key
+  // points in the database than at the import (features were extracted again),
+  // naming the image and the remedy.
   std::map<colmap::image_t, KeypointDepths> ReadAllKeypointDepths() const;
+  // KeypointDepths::source_fingerprint of the images with samples that are not
+  // outdated in that sense.
+  std::map<colmap::image_t, uint64_t> ReadSourceFingerprints() const;
 
   // Replaces the geometries of the given pairs in one transaction; the others
   // stay.

@@ -3,33 +3,13 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include <boost/endian/conversion.hpp>
-#include <zip.h>
 
 namespace dgsfm::internal {
 namespace {
-
-struct ZipCloser {
-  void operator()(zip_t* archive) const { zip_discard(archive); }
-  void operator()(zip_file_t* file) const { zip_fclose(file); }
-};
-
-std::unique_ptr<zip_t, ZipCloser> OpenArchive(const std::string& path) {
-  int code = 0;
-  std::unique_ptr<zip_t, ZipCloser> archive(
-      zip_open(path.c_str(), ZIP_RDONLY, &code));
-  if (archive == nullptr) {
-    zip_error_t error;
-    zip_error_init_with_code(&error, code);
-    const std::string reason = zip_error_strerror(&error);
-    zip_error_fini(&error);
-    throw std::runtime_error("no NumPy archive: " + reason);
-  }
-  return archive;
-}
 
 // The next token of a PFM header, which ends at white space.
 std::string NextToken(const std::vector<uint8_t>& bytes, size_t* pos) {
@@ -43,12 +23,12 @@ std::string NextToken(const std::vector<uint8_t>& bytes, size_t* pos) {
   return token;
 }
 
-uint64_t ParseCount(const std::string& token) {
+uint64_t ParseCount(const std::string& token, const std::string& format) {
   if (token.empty() || token.size() > 9 ||
       !std::all_of(token.begin(), token.end(), [](unsigned char c) {
         return std::isdigit(c);
       })) {
-    throw std::runtime_error("PFM header with the size '" + token + "'");
+    throw std::runtime_error(format + " with the size '" + token + "'");
   }
   return std::stoull(token);
 }
@@ -63,6 +43,14 @@ bool ParseByteOrder(const std::string& token) {
   return scale < 0;
 }
 
+void CheckDataSize(size_t data_size, uint64_t width, uint64_t height) {
+  if (data_size == 4 * width * height) return;
+  throw std::runtime_error(
+      std::to_string(data_size) + " bytes of data instead of the " +
+      std::to_string(4 * width * height) + " of " + std::to_string(width) +
+      " x " + std::to_string(height) + " values");
+}
+
 }  // namespace
 
 void CheckGridSize(uint64_t width, uint64_t height) {
@@ -75,43 +63,51 @@ void CheckGridSize(uint64_t width, uint64_t height) {
                            std::to_string(kMaxDepthMapSize));
 }
 
-std::optional<DepthGrid> ReadNpz(const std::string& path,
-                                 const std::string& array_name) {
-  const std::string array = "the array " + array_name;
-  const auto archive = OpenArchive(path);
-  zip_stat_t stat;
-  zip_stat_init(&stat);
-  if (zip_stat(archive.get(), (array_name + ".npy").c_str(), 0, &stat) != 0) {
-    return std::nullopt;
+uint64_t CountValues(const std::vector<uint64_t>& shape) {
+  uint64_t count = 1;
+  for (const uint64_t size : shape) {
+    if (size > 0 && count > kMaxFileBytes / size) {
+      throw std::runtime_error("an array that is larger than any depth map");
+    }
+    count *= size;
   }
-  constexpr zip_uint64_t kNeeded =
-      ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
-  if ((stat.valid & kNeeded) != kNeeded ||
-      (stat.comp_method != ZIP_CM_STORE &&
-       stat.comp_method != ZIP_CM_DEFLATE)) {
-    throw std::runtime_error(array + " is neither stored nor deflated");
+  return count;
+}
+
+void CheckExpansion(uint64_t data_size, uint64_t file_size) {
+  if (data_size / kMaxDeflateRatio <= file_size) return;
+  throw std::runtime_error(
+      "the file is truncated: " + std::to_string(file_size) +
+      " bytes cannot hold " + std::to_string(data_size));
+}
+
+DepthGrid ToGrid(NumberArray array) {
+  std::vector<uint64_t>& shape = array.shape;
+  while (shape.size() > 2 && shape.front() == 1) shape.erase(shape.begin());
+  while (shape.size() > 2 && shape.back() == 1) shape.pop_back();
+  if (shape.size() != 2) {
+    throw std::runtime_error("an array of " + std::to_string(shape.size()) +
+                             " dimensions is no depth map");
   }
-  if (stat.size > kMaxFileBytes ||
-      stat.size / kMaxDeflateRatio > stat.comp_size) {
-    throw std::runtime_error(array + " has an impossible size of " +
-                             std::to_string(stat.size) + " bytes");
+  CheckGridSize(shape[1], shape[0]);
+  return {static_cast<int>(shape[1]),
+          static_cast<int>(shape[0]),
+          std::move(array.values)};
+}
+
+DepthGrid ToGridOfZ(const NumberArray& points) {
+  std::vector<uint64_t> shape = points.shape;
+  while (shape.size() > 3 && shape.front() == 1) shape.erase(shape.begin());
+  if (shape.size() != 3 || shape[2] != 3) {
+    throw std::runtime_error("the array points is not height x width x 3");
   }
-  const std::unique_ptr<zip_file_t, ZipCloser> file(
-      zip_fopen_index(archive.get(), stat.index, 0));
-  if (file == nullptr) {
-    throw std::runtime_error(array + ": " + zip_strerror(archive.get()));
+  CheckGridSize(shape[1], shape[0]);
+  DepthGrid grid = {static_cast<int>(shape[1]), static_cast<int>(shape[0]), {}};
+  grid.values.reserve(points.values.size() / 3);
+  for (size_t i = 2; i < points.values.size(); i += 3) {
+    grid.values.push_back(points.values[i]);
   }
-  std::vector<uint8_t> bytes(stat.size);
-  const zip_int64_t num_read =
-      zip_fread(file.get(), bytes.data(), bytes.size());
-  // Reading on past the end makes libzip compare the checksum.
-  uint8_t extra = 0;
-  if (num_read < 0 || zip_fread(file.get(), &extra, 1) != 0 ||
-      static_cast<uint64_t>(num_read) != stat.size) {
-    throw std::runtime_error(array +
-                             " is damaged: " + zip_file_strerror(file.get()));
-  }
-  return ParseNpy(bytes);
+  return grid;
 }
 
 DepthGrid ParsePfm(const std::vector<uint8_t>& bytes) {
@@ -121,18 +117,13 @@ DepthGrid ParsePfm(const std::vector<uint8_t>& bytes) {
     throw std::runtime_error("PFM of three channels; depth needs one");
   }
   if (magic != "Pf") throw std::runtime_error("not a PFM file");
-  const uint64_t width = ParseCount(NextToken(bytes, &pos));
-  const uint64_t height = ParseCount(NextToken(bytes, &pos));
+  const uint64_t width = ParseCount(NextToken(bytes, &pos), "PFM header");
+  const uint64_t height = ParseCount(NextToken(bytes, &pos), "PFM header");
   const bool is_little_endian = ParseByteOrder(NextToken(bytes, &pos));
   CheckGridSize(width, height);
   // A single white space separates header and data.
   const size_t data_size = bytes.size() - std::min(pos + 1, bytes.size());
-  if (data_size != 4 * width * height) {
-    throw std::runtime_error(
-        std::to_string(data_size) + " bytes of data instead of the " +
-        std::to_string(4 * width * height) + " of " + std::to_string(width) +
-        " x " + std::to_string(height) + " values");
-  }
+  CheckDataSize(data_size, width, height);
   DepthGrid grid = {static_cast<int>(width), static_cast<int>(height), {}};
   grid.values.resize(width * height);
   const uint8_t* data = bytes.data() + pos + 1;
@@ -145,6 +136,51 @@ DepthGrid ParsePfm(const std::vector<uint8_t>& bytes) {
     }
   }
   return grid;
+}
+
+DepthGrid ParseDenseBin(const std::vector<uint8_t>& bytes) {
+  uint64_t sizes[3] = {0, 0, 0};
+  size_t pos = 0;
+  for (uint64_t& size : sizes) {
+    std::string token;
+    while (pos < bytes.size() && bytes[pos] != '&' && token.size() < 10) {
+      token.push_back(static_cast<char>(bytes[pos++]));
+    }
+    if (pos >= bytes.size() || bytes[pos++] != '&') {
+      throw std::runtime_error("not a map of COLMAP's dense stereo");
+    }
+    size = ParseCount(token, "map of dense stereo");
+  }
+  CheckGridSize(sizes[0], sizes[1]);
+  if (sizes[2] != 1) {
+    throw std::runtime_error("a map of " + std::to_string(sizes[2]) +
+                             " channels is no depth map");
+  }
+  const size_t num_values = sizes[0] * sizes[1];
+  CheckDataSize(bytes.size() - pos, sizes[0], sizes[1]);
+  DepthGrid grid = {static_cast<int>(sizes[0]),
+                    static_cast<int>(sizes[1]),
+                    std::vector<float>(num_values)};
+  for (size_t i = 0; i < num_values; ++i) {
+    grid.values[i] =
+        boost::endian::endian_load<float, 4, boost::endian::order::little>(
+            bytes.data() + pos + 4 * i);
+  }
+  return grid;
+}
+
+std::vector<uint8_t> FormatDenseBin(const DepthGrid& grid) {
+  const std::string header =
+      std::to_string(grid.width) + "&" + std::to_string(grid.height) + "&1&";
+  std::vector<uint8_t> bytes(header.begin(), header.end());
+  bytes.resize(header.size() + 4 * grid.values.size());
+  uint8_t* data = bytes.data() + header.size();
+  for (const float value : grid.values) {
+    boost::endian::endian_store<float, 4, boost::endian::order::little>(data,
+                                                                        value);
+    data += 4;
+  }
+  return bytes;
 }
 
 }  // namespace dgsfm::internal

@@ -3,15 +3,14 @@
 // errors.
 //
 // Readers throw std::runtime_error with the reason if the content is damaged or
-// not supported. They allocate no more than kMaxDepthMapSize^2 values, and for
-// compressed formats no more than the size of the file can expand to.
+// not supported. They allocate no more than a few times kMaxDepthMapSize^2
+// numbers, and no more than a few times what deflate could expand the file to.
 
 #pragma once
 
 #include "colmap_ext/depth_map.h"
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,30 +30,62 @@ struct DepthGrid {
   std::vector<float> values;
 };
 
+// Numbers of any shape in C order.
+struct NumberArray {
+  std::vector<uint64_t> shape;
+  std::vector<float> values;
+};
+
+// Throws if there are more values than any depth map has.
+uint64_t CountValues(const std::vector<uint64_t>& shape);
+
 // Throws unless 1 <= width, height <= kMaxDepthMapSize.
 void CheckGridSize(uint64_t width, uint64_t height);
 
-// NumPy array (format versions 1 to 3) of floats of 2, 4 or 8 bytes or integers
-// of 1 to 8 bytes, either byte order, C or Fortran order. The shape is height x
-// width after removing leading, then trailing, dimensions of size 1.
-DepthGrid ParseNpy(const std::vector<uint8_t>& bytes);
+// Throws if a file of that many bytes cannot, by deflate, have held the data;
+// called before data_size bytes are allocated.
+void CheckExpansion(uint64_t data_size, uint64_t file_size);
 
-// An array of a NumPy archive, stored or deflated; nothing if there is none of
-// that name.
-std::optional<DepthGrid> ReadNpz(const std::string& path,
-                                 const std::string& array_name);
+// The array as height x width after removing leading, then trailing, dimensions
+// of size 1.
+DepthGrid ToGrid(NumberArray array);
+// The last coordinate of an array of points, height x width x 3 after removing
+// leading dimensions of size 1.
+DepthGrid ToGridOfZ(const NumberArray& points);
+
+// NumPy array (format versions 1 to 3) of floats of 2, 4 or 8 bytes, integers
+// of 1 to 8 bytes or booleans, either byte order, C or Fortran order. Allocates
+// at most four times the bytes.
+NumberArray ParseNpy(const std::vector<uint8_t>& bytes);
 
 // Portable float map of one channel ("Pf"). Byte order by the sign of its
 // scale, whose size is ignored, as every reader does.
 DepthGrid ParsePfm(const std::vector<uint8_t>& bytes);
 
-// Grayscale PNG of 16 bits, which marks unknown depth by 0 or 65535: both are 0
-// in the grid.
-DepthGrid ParsePng(const std::vector<uint8_t>& bytes);
+// Grayscale PNG of 8 or 16 bits with the numbers as they are.
+DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth);
+
+// Map of COLMAP's dense stereo: "width&height&1&", then floats from the top.
+DepthGrid ParseDenseBin(const std::vector<uint8_t>& bytes);
+
+// OpenEXR, scan lines or tiles, any compression: of the first part the only
+// channel, or the one called Z, depth, V or Y (also behind a layer's name).
+// Numbers from 1e9 on, which renderers write where there is nothing, are
+// infinite. Outside the data window depth is unknown.
+DepthGrid ParseExr(const std::vector<uint8_t>& bytes);
+
+// The first page of a TIFF, strips or tiles, any compression that libtiff
+// knows: one sample per pixel, floats of 2, 4 or 8 bytes or integers without
+// sign of 1, 2 or 4.
+DepthGrid ParseTiff(const std::vector<uint8_t>& bytes);
 
 // Little endian, C order, format version 1.
 std::vector<uint8_t> FormatNpyHalf(const DepthGrid& grid);
 std::vector<uint8_t> FormatNpyFloat(const DepthGrid& grid);
+
+std::vector<uint8_t> FormatDenseBin(const DepthGrid& grid);
+// One channel Z of floats, ZIP compression. Throws with the path.
+void WriteExr(const std::string& path, const DepthGrid& grid);
 
 // Row-major values from the top. Throws with the path and libpng's message.
 void WritePng16(const std::string& path,

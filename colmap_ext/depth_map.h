@@ -42,6 +42,9 @@ struct KeypointDepths {
   std::vector<float> depths;
   // Focal length of the image by the depth model [px of the image]; 0 unknown.
   double focal_length_px = 0;
+  // Tells whether the depth came from the same file by the same options; 0
+  // unknown.
+  uint64_t source_fingerprint = 0;
 };
 
 struct DepthSamplingOptions {

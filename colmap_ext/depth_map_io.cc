@@ -2,16 +2,18 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/depth_file_formats.h"
+#include "colmap_ext/image_orientation.h"
+#include "colmap_ext/raw_depth.h"
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Core>
 
@@ -19,40 +21,10 @@ namespace dgsfm {
 namespace {
 
 using internal::DepthGrid;
+using internal::NumberArray;
+using internal::RawDepth;
 
 constexpr double kMaxAspectError = 0.02;
-
-std::string FormatSize(size_t width, size_t height) {
-  return std::to_string(width) + " x " + std::to_string(height);
-}
-
-std::vector<uint8_t> ReadFile(const std::string& path) {
-  std::error_code error;
-  const uintmax_t size = std::filesystem::file_size(path, error);
-  if (error) throw std::runtime_error(error.message());
-  if (size > internal::kMaxFileBytes) {
-    throw std::runtime_error("the file is too large for a depth map");
-  }
-  std::vector<uint8_t> bytes(size);
-  std::ifstream file(path, std::ios::binary);
-  if (!file.read(reinterpret_cast<char*>(bytes.data()), bytes.size())) {
-    throw std::runtime_error(std::strerror(errno));
-  }
-  return bytes;
-}
-
-DepthGrid ReadGrid(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension();
-  if (extension == ".npy") return internal::ParseNpy(ReadFile(path));
-  if (extension == ".npz") {
-    if (auto grid = internal::ReadNpz(path, "depth")) return std::move(*grid);
-    throw std::runtime_error("no array named depth in the NumPy archive");
-  }
-  if (extension == ".pfm") return internal::ParsePfm(ReadFile(path));
-  if (extension == ".png") return internal::ParsePng(ReadFile(path));
-  throw std::runtime_error("the extension '" + extension +
-                           "' is no known depth format");
-}
 
 // Relative difference of the aspects of two sizes.
 double AspectError(double width1,
@@ -62,13 +34,36 @@ double AspectError(double width1,
   return std::abs(std::log(width1 * height2 / (height1 * width2)));
 }
 
-bool IsTransposed(const DepthGrid& grid, const colmap::Camera& camera) {
-  const double rounding = 1.0 / grid.width + 1.0 / grid.height;
-  return AspectError(
-             grid.height, grid.width, camera.Width(), camera.Height()) <=
-             kMaxAspectError &&
-         AspectError(grid.width, grid.height, camera.Width(), camera.Height()) >
-             kMaxAspectError + rounding;
+// Difference that rounding the sides of the map explains.
+double MaxAspectError(const DepthGrid& grid) {
+  return kMaxAspectError + 1.0 / grid.width + 1.0 / grid.height;
+}
+
+// Throws for a turned map and for one of another aspect.
+void CheckAspect(const DepthGrid& grid,
+                 const colmap::Camera& camera,
+                 double max_aspect_factor) {
+  const double error =
+      AspectError(grid.width, grid.height, camera.Width(), camera.Height());
+  const double transposed_error =
+      AspectError(grid.height, grid.width, camera.Width(), camera.Height());
+  const std::string sizes =
+      "the depth map is " + internal::FormatSize(grid.width, grid.height) +
+      " but the image " + internal::FormatSize(camera.Width(), camera.Height());
+  if (transposed_error <= kMaxAspectError && error > MaxAspectError(grid)) {
+    throw std::runtime_error(sizes +
+                             ": one of them is turned by 90 degrees (for "
+                             "images with an EXIF orientation see "
+                             "--displayed_image_path)");
+  }
+  if (error >
+      std::log(max_aspect_factor) + 1.0 / grid.width + 1.0 / grid.height) {
+    std::ostringstream message;
+    message << sizes << ": width to height differs by the factor "
+            << std::exp(error) << ", more than max_aspect_factor, "
+            << max_aspect_factor;
+    throw std::runtime_error(message.str());
+  }
 }
 
 // z-depth per length of the ray through each pixel; NaN where there is no ray.
@@ -87,22 +82,20 @@ void MultiplyRayCosines(const colmap::Camera& camera, DepthGrid* grid) {
 }
 
 // Turns what is no depth into unknown depth.
-void CleanDepths(std::vector<float>* depths) {
-  constexpr float kMaxDepth = std::numeric_limits<float>::max();
+void CleanDepths(double max_depth, std::vector<float>* depths) {
+  constexpr float kMaxFloat = std::numeric_limits<float>::max();
+  const float bound = max_depth > 0 && max_depth < kMaxFloat
+                          ? static_cast<float>(max_depth)
+                          : kMaxFloat;
   for (float& depth : *depths) {
-    if (!(depth > 0 && depth <= kMaxDepth)) depth = 0;
+    if (!(depth > 0 && depth <= bound)) depth = 0;
   }
 }
 
 DepthMap ConvertGrid(DepthGrid grid,
                      const colmap::Camera& camera,
                      const DepthReadOptions& options) {
-  if (IsTransposed(grid, camera)) {
-    throw std::runtime_error(
-        "the depth map is " + FormatSize(grid.width, grid.height) +
-        " but the image " + FormatSize(camera.Width(), camera.Height()) +
-        ": one of them is turned by 90 degrees");
-  }
+  CheckAspect(grid, camera, options.max_aspect_factor);
   const float scale = static_cast<float>(options.scale);
   if (options.type == DepthType::INVERSE) {
     for (float& value : grid.values) value = scale / value;
@@ -110,33 +103,40 @@ DepthMap ConvertGrid(DepthGrid grid,
     for (float& value : grid.values) value *= scale;
   }
   if (options.type == DepthType::RANGE) MultiplyRayCosines(camera, &grid);
-  CleanDepths(&grid.values);
+  CleanDepths(options.max_depth, &grid.values);
   DepthMap depth_map = {
       grid.width, grid.height, options.unit, std::move(grid.values)};
   if (depth_map.Coverage() == 0) {
-    throw std::runtime_error("no pixel of the " +
-                             FormatSize(depth_map.width, depth_map.height) +
-                             " depth map has a positive finite depth");
+    throw std::runtime_error(
+        "no pixel of the " +
+        internal::FormatSize(depth_map.width, depth_map.height) +
+        " depth map has a positive finite depth");
   }
   return depth_map;
 }
 
 // Mean focal length [px of the image] of the depth model's camera matrix, in
 // units of the map's size or, if the principal point says so, of the map's
-// pixels.
-double FocalLengthOfIntrinsics(const DepthGrid& intrinsics,
-                               const DepthMap& depth_map,
-                               const colmap::Camera& camera) {
-  if (intrinsics.width != 3 || intrinsics.height != 3) {
-    throw std::runtime_error("the array intrinsics is no 3 x 3 matrix");
+// pixels; of a vector the first number. Map and image as the model saw them.
+double FocalLengthOfIntrinsics(const NumberArray& intrinsics,
+                               const DepthGrid& depth,
+                               int image_width,
+                               int image_height) {
+  const std::vector<float>& values = intrinsics.values;
+  // A matrix that some networks write for want of one.
+  if (values == std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1}) return 0;
+  const bool is_matrix = values.size() == 9;
+  if (!is_matrix && (values.empty() || values.size() > 4)) {
+    throw std::runtime_error(
+        "the array intrinsics is neither a 3 x 3 matrix nor a vector that "
+        "begins with the focal length");
   }
-  const double fx = intrinsics.values[0];
-  const double fy = intrinsics.values[4];
-  const bool is_normalized =
-      intrinsics.values[2] <= 1 && intrinsics.values[5] <= 1;
+  const double fx = values[0];
+  const double fy = is_matrix ? values[4] : fx;
+  const bool is_normalized = is_matrix && values[2] <= 1 && values[5] <= 1;
   const double focal_length_px =
-      0.5 * (fx / (is_normalized ? 1 : depth_map.width) * camera.Width() +
-             fy / (is_normalized ? 1 : depth_map.height) * camera.Height());
+      0.5 * (fx / (is_normalized ? 1 : depth.width) * image_width +
+             fy / (is_normalized ? 1 : depth.height) * image_height);
   if (!(fx > 0 && fy > 0 && std::isfinite(focal_length_px))) {
     throw std::runtime_error(
         "the array intrinsics has no positive focal length");
@@ -144,70 +144,121 @@ double FocalLengthOfIntrinsics(const DepthGrid& intrinsics,
   return focal_length_px;
 }
 
-// A matrix that some networks write for want of one.
-bool IsIdentity(const DepthGrid& grid) {
-  return grid.values == std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1};
+ImportedDepth ConvertRawDepth(RawDepth raw,
+                              int orientation,
+                              const colmap::Camera& camera,
+                              const DepthReadOptions& options) {
+  ImportedDepth result;
+  if (raw.intrinsics) {
+    int width = static_cast<int>(camera.Width());
+    int height = static_cast<int>(camera.Height());
+    TurnSize(orientation, &width, &height);
+    result.focal_length_px =
+        FocalLengthOfIntrinsics(*raw.intrinsics, raw.depth, width, height);
+  }
+  internal::ApplyConfidence(options, &raw);
+  if (orientation != 1) raw.depth = internal::TurnBack(raw.depth, orientation);
+  result.is_stretched =
+      AspectError(
+          raw.depth.width, raw.depth.height, camera.Width(), camera.Height()) >
+      MaxAspectError(raw.depth);
+  result.depth_map = ConvertGrid(std::move(raw.depth), camera, options);
+  return result;
+}
+
+void WriteFile(const std::string& path, const std::vector<uint8_t>& bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  file.close();
+  if (!file) throw std::runtime_error(path + ": " + std::strerror(errno));
+}
+
+DepthGrid GridOf(const DepthMap& depth_map) {
+  return {depth_map.width, depth_map.height, depth_map.values};
 }
 
 }  // namespace
 
 bool DepthReadOptions::IsValid(std::string* error) const {
-  if (scale >= std::numeric_limits<float>::min() &&
-      scale <= std::numeric_limits<float>::max()) {
-    return true;
-  }
-  if (error != nullptr) {
-    std::ostringstream message;
-    message << "scale is " << scale << " but must be positive and finite";
-    *error = message.str();
-  }
-  return false;
+  const auto check =
+      [error](
+          const char* name, double value, bool is_valid, const char* bound) {
+        if (!is_valid && error != nullptr) {
+          std::ostringstream message;
+          message << name << " is " << value << " but must be " << bound;
+          *error = message.str();
+        }
+        return is_valid;
+      };
+  return check("scale",
+               scale,
+               scale >= std::numeric_limits<float>::min() &&
+                   scale <= std::numeric_limits<float>::max(),
+               "positive and finite") &&
+         check("max_depth", max_depth, max_depth >= 0, "at least 0") &&
+         check("min_confidence",
+               min_confidence,
+               !std::isnan(min_confidence),
+               "a number") &&
+         check("max_uncertainty",
+               max_uncertainty,
+               max_uncertainty >= 0,
+               "at least 0") &&
+         check("max_aspect_factor",
+               max_aspect_factor,
+               max_aspect_factor >= 1,
+               "at least 1");
+}
+
+std::string DepthFile::Description() const {
+  return group.empty() ? path : path + ":" + group;
 }
 
 const std::vector<std::string>& DepthFileExtensions() {
   static const std::vector<std::string> kExtensions = {
-      ".npy", ".npz", ".pfm", ".png"};
+      ".npy", ".npz", ".exr", ".tif", ".tiff", ".pfm", ".png", ".bin"};
   return kExtensions;
 }
 
-DepthMap ReadDepthMap(const std::string& path,
-                      const colmap::Camera& camera,
-                      const DepthReadOptions& options) {
+ImportedDepth ReadDepth(const DepthFile& file,
+                        const colmap::Camera& camera,
+                        const DepthReadOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   DGSFM_CHECK(camera.Width() > 0 && camera.Height() > 0)
       << "camera " << camera.CameraId();
   try {
-    return ConvertGrid(ReadGrid(path), camera, options);
+    RawDepth raw = internal::ReadRawDepth(file);
+    return ConvertRawDepth(std::move(raw), file.orientation, camera, options);
   } catch (const std::runtime_error& failure) {
-    throw std::runtime_error("depth map " + path + ": " + failure.what());
+    throw std::runtime_error("depth map " + file.Description() + ": " +
+                             failure.what());
   }
 }
 
-double ReadDepthFocalLength(const std::string& path,
-                            const DepthMap& depth_map,
-                            const colmap::Camera& camera) {
-  if (std::filesystem::path(path).extension() != ".npz") return 0;
-  try {
-    const auto intrinsics = internal::ReadNpz(path, "intrinsics");
-    if (!intrinsics || IsIdentity(*intrinsics)) return 0;
-    return FocalLengthOfIntrinsics(*intrinsics, depth_map, camera);
-  } catch (const std::runtime_error& failure) {
-    throw std::runtime_error("depth map " + path + ": " + failure.what());
-  }
+DepthMap ReadDepthMap(const std::string& path,
+                      const colmap::Camera& camera,
+                      const DepthReadOptions& options) {
+  DepthFile file;
+  file.path = path;
+  return ReadDepth(file, camera, options).depth_map;
 }
 
 void WriteDepthNpy(const std::string& path,
                    const DepthMap& depth_map,
                    NpyPrecision precision) {
-  const DepthGrid grid = {depth_map.width, depth_map.height, depth_map.values};
-  const std::vector<uint8_t> bytes = precision == NpyPrecision::HALF
-                                         ? internal::FormatNpyHalf(grid)
-                                         : internal::FormatNpyFloat(grid);
-  std::ofstream file(path, std::ios::binary);
-  file.write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  file.close();
-  if (!file) throw std::runtime_error(path + ": " + std::strerror(errno));
+  WriteFile(path,
+            precision == NpyPrecision::HALF
+                ? internal::FormatNpyHalf(GridOf(depth_map))
+                : internal::FormatNpyFloat(GridOf(depth_map)));
+}
+
+void WriteDepthExr(const std::string& path, const DepthMap& depth_map) {
+  internal::WriteExr(path, GridOf(depth_map));
+}
+
+void WriteDepthDenseBin(const std::string& path, const DepthMap& depth_map) {
+  WriteFile(path, internal::FormatDenseBin(GridOf(depth_map)));
 }
 
 void WriteDepthPng(const std::string& path,

@@ -5,11 +5,11 @@
 namespace dgsfm {
 namespace {
 
-constexpr int64_t kVersion = 2;
+constexpr int64_t kVersion = 3;
 
 constexpr char kCreateDepthTables[] = R"(
 CREATE TABLE dgsfm_schema (version INTEGER NOT NULL);
-INSERT INTO dgsfm_schema VALUES (2);
+INSERT INTO dgsfm_schema VALUES (3);
 CREATE TABLE dgsfm_depth_maps (
   image_id INTEGER PRIMARY KEY NOT NULL
            REFERENCES images(image_id) ON DELETE CASCADE,
@@ -18,12 +18,14 @@ CREATE TABLE dgsfm_depth_maps (
   unit     INTEGER NOT NULL,
   data     BLOB NOT NULL);
 CREATE TABLE dgsfm_keypoint_depths (
-  image_id     INTEGER PRIMARY KEY NOT NULL
-               REFERENCES images(image_id) ON DELETE CASCADE,
-  unit         INTEGER NOT NULL,
-  rows         INTEGER NOT NULL,
-  data         BLOB NOT NULL,
-  focal_length REAL NOT NULL DEFAULT 0);
+  image_id              INTEGER PRIMARY KEY NOT NULL
+                        REFERENCES images(image_id) ON DELETE CASCADE,
+  unit                  INTEGER NOT NULL,
+  rows                  INTEGER NOT NULL,
+  data                  BLOB NOT NULL,
+  focal_length          REAL NOT NULL DEFAULT 0,
+  keypoints_fingerprint INTEGER NOT NULL DEFAULT 0,
+  source_fingerprint    INTEGER NOT NULL DEFAULT 0);
 )";
 
 constexpr char kCreatePairTable[] = R"(
@@ -51,7 +53,14 @@ constexpr char kUpdateFromVersion1[] = R"(
 ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN focal_length REAL NOT NULL DEFAULT 0;
 DROP TABLE dgsfm_pair_geometries;
-UPDATE dgsfm_schema SET version = 2;
+)";
+
+constexpr char kUpdateFromVersion2[] = R"(
+ALTER TABLE dgsfm_keypoint_depths
+  ADD COLUMN keypoints_fingerprint INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE dgsfm_keypoint_depths
+  ADD COLUMN source_fingerprint INTEGER NOT NULL DEFAULT 0;
+UPDATE dgsfm_schema SET version = 3;
 )";
 
 // 0 without tables.
@@ -69,9 +78,9 @@ bool HasDepthTables(const SqliteConnection& connection) {
   throw connection.Error()
       << "its depth tables have version " << version
       << ", this program uses version " << kVersion
-      << (version == 1 ? "; run depth_geometric_verifier, which brings them up "
-                         "to date"
-                       : "; use the version of the program that wrote them");
+      << (version == 1 || version == 2
+              ? "; run depth_geometric_verifier, which brings them up to date"
+              : "; use the version of the program that wrote them");
 }
 
 void CreateDepthTables(const SqliteConnection& connection) {
@@ -80,10 +89,14 @@ void CreateDepthTables(const SqliteConnection& connection) {
 }
 
 void UpdateDepthTables(const SqliteConnection& connection) {
-  if (TablesVersion(connection) != 1) return;
+  const int64_t version = TablesVersion(connection);
+  if (version != 1 && version != 2) return;
   SqliteTransaction transaction(connection, SqliteTransaction::Kind::WRITE);
-  connection.Execute(kUpdateFromVersion1);
-  connection.Execute(kCreatePairTable);
+  if (version == 1) {
+    connection.Execute(kUpdateFromVersion1);
+    connection.Execute(kCreatePairTable);
+  }
+  connection.Execute(kUpdateFromVersion2);
   transaction.Commit();
 }
 

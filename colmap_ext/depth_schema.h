@@ -13,8 +13,8 @@ bool HasDepthTables(const SqliteConnection& connection);
 // Creates the tables in an open transaction.
 void CreateDepthTables(const SqliteConnection& connection);
 
-// Brings tables of an older version up to date: depth stays, pair geometries
-// are dropped. Nothing happens without tables.
+// Brings tables of an older version up to date: depth stays, pair geometries of
+// version 1 are dropped. Nothing happens without tables.
 void UpdateDepthTables(const SqliteConnection& connection);
 
 }  // namespace dgsfm

@@ -178,14 +178,29 @@ Eigen::Vector3d ReadXyz(File& file) {
 }
 
 template <typename File>
-void AddImage(File& file,
-              const std::string& name,
-              const ModelImage& image,
-              std::map<std::string, ModelImage>* images) {
+ModelObservation ReadObservation(File& file) {
+  ModelObservation observation;
+  for (double& value : observation.xy) value = file.template Read<double>();
+  // Without a point -1, which is kInvalidPoint3DId as an unsigned number.
+  observation.point3D_id = file.template Read<int64_t>();
+  if (!observation.xy.allFinite()) file.Fail("has an invalid key point");
+  return observation;
+}
+
+void AddObservation(const ModelObservation& observation, ModelImage* image) {
+  if (observation.point3D_id == colmap::kInvalidPoint3DId) return;
+  image->observations.push_back(observation);
+}
+
+template <typename File>
+ModelImage* AddImage(File& file,
+                     const std::string& name,
+                     const ModelImage& image,
+                     std::map<std::string, ModelImage>* images) {
   if (name.empty()) file.Fail("has an image without name");
-  if (!images->emplace(name, image).second) {
-    file.Fail("has image " + name + " twice");
-  }
+  const auto [added, is_new] = images->emplace(name, image);
+  if (!is_new) file.Fail("has image " + name + " twice");
+  return &added->second;
 }
 
 template <typename File>
@@ -251,9 +266,10 @@ std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
       ModelImage image;
       image.cam_from_world = ReadPose(file);
       image.camera_id = file.Read<colmap::camera_t>();
-      const std::string name = file.ReadString();
-      file.Skip(kPointSize * file.ReadCount(kPointSize));
-      AddImage(file, name, image, &images);
+      ModelImage* added = AddImage(file, file.ReadString(), image, &images);
+      for (uint64_t left = file.ReadCount(kPointSize); left > 0; --left) {
+        AddObservation(ReadObservation(file), added);
+      }
     }
   };
   const auto read_text = [&images](TextFile& file) {
@@ -262,8 +278,9 @@ std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
       ModelImage image;
       image.cam_from_world = ReadPose(file);
       image.camera_id = file.Read<colmap::camera_t>();
-      AddImage(file, file.ReadRestOfLine(), image, &images);
-      file.NextLine();  // the points of the image
+      ModelImage* added = AddImage(file, file.ReadRestOfLine(), image, &images);
+      file.NextLine();
+      while (file.HasMore()) AddObservation(ReadObservation(file), added);
     }
   };
   ReadFile(folder, "images", read_binary, read_text);
@@ -301,8 +318,8 @@ std::vector<ModelPoint> ReadModelPoints(const std::string& folder) {
     constexpr size_t kTrackElementSize = 2 * 4;
     points.reserve(num_points);
     for (uint64_t i = 0; i < num_points; ++i) {
-      file.Read<colmap::point3D_t>();
       ModelPoint point;
+      point.point3D_id = file.Read<colmap::point3D_t>();
       point.xyz = ReadXyz(file);
       for (uint8_t& value : point.color) value = file.Read<uint8_t>();
       file.Read<double>();  // reprojection error
@@ -313,8 +330,8 @@ std::vector<ModelPoint> ReadModelPoints(const std::string& folder) {
   };
   const auto read_text = [&points](TextFile& file) {
     while (file.NextRecord()) {
-      file.Read<colmap::point3D_t>();
       ModelPoint point;
+      point.point3D_id = file.Read<colmap::point3D_t>();
       point.xyz = ReadXyz(file);
       for (uint8_t& value : point.color) {
         value = std::clamp(file.Read<int>(), 0, 255);

@@ -22,15 +22,24 @@
 
 namespace dgsfm {
 
+// Where an image sees a point of the model [px].
+struct ModelObservation {
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+  colmap::point3D_t point3D_id = colmap::kInvalidPoint3DId;
+};
+
 struct ModelImage {
   colmap::camera_t camera_id = colmap::kInvalidCameraId;
   Rigid3d cam_from_world;
+  // Without the key points that see no point of the model.
+  std::vector<ModelObservation> observations;
 };
 
 struct ModelPoint {
   Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
   Eigen::Vector3ub color = Eigen::Vector3ub::Zero();
   size_t track_length = 0;
+  colmap::point3D_t point3D_id = colmap::kInvalidPoint3DId;
 };
 
 // Folders of the models at a path: the path itself if it holds images.bin or

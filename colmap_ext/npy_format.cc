@@ -141,23 +141,14 @@ float LoadNumber(const uint8_t* data) {
 }
 
 template <typename T, order kOrder>
-void LoadGrid(const uint8_t* data, bool is_fortran_order, DepthGrid* grid) {
-  if (!is_fortran_order) {
-    for (float& value : grid->values) {
-      value = LoadNumber<T, kOrder>(data);
-      data += sizeof(T);
-    }
-    return;
-  }
-  for (int x = 0; x < grid->width; ++x) {
-    for (int y = 0; y < grid->height; ++y) {
-      grid->values[size_t(y) * grid->width + x] = LoadNumber<T, kOrder>(data);
-      data += sizeof(T);
-    }
+void LoadNumbers(const uint8_t* data, std::vector<float>* values) {
+  for (float& value : *values) {
+    value = LoadNumber<T, kOrder>(data);
+    data += sizeof(T);
   }
 }
 
-using Loader = void (*)(const uint8_t*, bool, DepthGrid*);
+using Loader = void (*)(const uint8_t*, std::vector<float>*);
 struct ElementType {
   size_t size;
   Loader load_little_endian;
@@ -166,7 +157,7 @@ struct ElementType {
 
 template <typename T>
 constexpr ElementType CreateElementType() {
-  return {sizeof(T), LoadGrid<T, order::little>, LoadGrid<T, order::big>};
+  return {sizeof(T), LoadNumbers<T, order::little>, LoadNumbers<T, order::big>};
 }
 
 const ElementType& FindElementType(const std::string& name) {
@@ -174,6 +165,7 @@ const ElementType& FindElementType(const std::string& name) {
       {"f2", CreateElementType<Eigen::half>()},
       {"f4", CreateElementType<float>()},
       {"f8", CreateElementType<double>()},
+      {"b1", CreateElementType<uint8_t>()},
       {"i1", CreateElementType<int8_t>()},
       {"i2", CreateElementType<int16_t>()},
       {"i4", CreateElementType<int32_t>()},
@@ -190,15 +182,32 @@ const ElementType& FindElementType(const std::string& name) {
   return type->second;
 }
 
-// Height and width.
-std::pair<uint64_t, uint64_t> FindSize(std::vector<uint64_t> shape) {
-  while (shape.size() > 2 && shape.front() == 1) shape.erase(shape.begin());
-  while (shape.size() > 2 && shape.back() == 1) shape.pop_back();
-  if (shape.size() != 2) {
-    throw std::runtime_error("an array of " + std::to_string(shape.size()) +
-                             " dimensions is no depth map");
+std::string FormatShape(const std::vector<uint64_t>& shape) {
+  std::string text;
+  // Sizes of images are told as width x height.
+  for (auto size = shape.rbegin(); size != shape.rend(); ++size) {
+    text += (text.empty() ? "" : " x ") + std::to_string(*size);
   }
-  return {shape[0], shape[1]};
+  return text;
+}
+
+// Values of an array whose first index runs fastest, in C order.
+std::vector<float> ReorderFortran(const std::vector<float>& values,
+                                  const std::vector<uint64_t>& shape) {
+  std::vector<float> reordered(values.size());
+  std::vector<uint64_t> index(shape.size(), 0);
+  for (float& value : reordered) {
+    size_t pos = 0;
+    for (size_t dim = shape.size(); dim-- > 0;) {
+      pos = pos * shape[dim] + index[dim];
+    }
+    value = values[pos];
+    for (size_t dim = shape.size(); dim-- > 0;) {
+      if (++index[dim] < shape[dim]) break;
+      index[dim] = 0;
+    }
+  }
+  return reordered;
 }
 
 std::string FormatHeader(const std::string& type, const DepthGrid& grid) {
@@ -217,25 +226,25 @@ std::string FormatHeader(const std::string& type, const DepthGrid& grid) {
 
 }  // namespace
 
-DepthGrid ParseNpy(const std::vector<uint8_t>& bytes) {
+NumberArray ParseNpy(const std::vector<uint8_t>& bytes) {
   const NpyHeader header = ParseHeader(bytes);
   const ElementType& type = FindElementType(header.type);
-  const auto [height, width] = FindSize(header.shape);
-  CheckGridSize(width, height);
+  const uint64_t num_values = CountValues(header.shape);
   const size_t data_size = bytes.size() - header.data_begin;
-  const size_t expected_size = width * height * type.size;
-  if (data_size != expected_size) {
-    throw std::runtime_error(
-        std::to_string(data_size) + " bytes of data instead of the " +
-        std::to_string(expected_size) + " of " + std::to_string(width) + " x " +
-        std::to_string(height) + " values");
+  if (data_size != num_values * type.size) {
+    throw std::runtime_error(std::to_string(data_size) +
+                             " bytes of data instead of the " +
+                             std::to_string(num_values * type.size) + " of " +
+                             FormatShape(header.shape) + " values");
   }
-  DepthGrid grid = {static_cast<int>(width), static_cast<int>(height), {}};
-  grid.values.resize(width * height);
+  NumberArray array = {header.shape, std::vector<float>(num_values)};
   const Loader load =
       header.is_big_endian ? type.load_big_endian : type.load_little_endian;
-  load(bytes.data() + header.data_begin, header.is_fortran_order, &grid);
-  return grid;
+  load(bytes.data() + header.data_begin, &array.values);
+  if (header.is_fortran_order) {
+    array.values = ReorderFortran(array.values, array.shape);
+  }
+  return array;
 }
 
 std::vector<uint8_t> FormatNpyHalf(const DepthGrid& grid) {

@@ -15,8 +15,6 @@
 namespace dgsfm::internal {
 namespace {
 
-constexpr uint16_t kUnknown = 65535;
-
 struct Session {
   png_structp png = nullptr;
   png_infop info = nullptr;
@@ -115,34 +113,34 @@ std::vector<png_bytep> FindRows(std::vector<uint8_t>* pixels, int height) {
 
 }  // namespace
 
-DepthGrid ParsePng(const std::vector<uint8_t>& bytes) {
+DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth) {
   ReadSession session(bytes);
   if (!ReadHeader(&session)) throw std::runtime_error("PNG: " + session.error);
-  const int bit_depth = png_get_bit_depth(session.png, session.info);
+  const int file_bit_depth = png_get_bit_depth(session.png, session.info);
   const int color_type = png_get_color_type(session.png, session.info);
-  if (bit_depth != 16 || color_type != PNG_COLOR_TYPE_GRAY) {
+  if (file_bit_depth != bit_depth || color_type != PNG_COLOR_TYPE_GRAY) {
     throw std::runtime_error(
-        "PNG of " + std::to_string(bit_depth) + " bits and " +
+        "PNG of " + std::to_string(file_bit_depth) + " bits and " +
         std::to_string(png_get_channels(session.png, session.info)) +
-        " channels; depth needs 16 bits and one channel");
+        " channels; " + std::to_string(bit_depth) +
+        " bits and one channel are needed");
   }
   DepthGrid grid;
   grid.width = png_get_image_width(session.png, session.info);
   grid.height = png_get_image_height(session.png, session.info);
   CheckGridSize(grid.width, grid.height);
-  const size_t num_bytes = 2 * size_t(grid.width) * grid.height;
-  if (num_bytes / kMaxDeflateRatio > bytes.size()) {
-    throw std::runtime_error("PNG: the file is truncated");
-  }
+  const size_t value_size = bit_depth / 8;
+  const size_t num_bytes = value_size * grid.width * grid.height;
+  CheckExpansion(num_bytes, bytes.size());
   std::vector<uint8_t> pixels(num_bytes);
   std::vector<png_bytep> rows = FindRows(&pixels, grid.height);
   if (!ReadRows(&session, rows.data())) {
     throw std::runtime_error("PNG: " + session.error);
   }
-  grid.values.reserve(num_bytes / 2);
-  for (size_t i = 0; i < num_bytes; i += 2) {
-    const uint16_t value = boost::endian::load_big_u16(&pixels[i]);
-    grid.values.push_back(value == kUnknown ? 0 : value);
+  grid.values.reserve(num_bytes / value_size);
+  for (size_t i = 0; i < num_bytes; i += value_size) {
+    grid.values.push_back(
+        value_size == 1 ? pixels[i] : boost::endian::load_big_u16(&pixels[i]));
   }
   return grid;
 }

@@ -11,6 +11,7 @@
 namespace dgsfm {
 
 int RunDepthImporter(int argc, char** argv);
+int RunDepthExporter(int argc, char** argv);
 int RunDepthGeometricVerifier(int argc, char** argv);
 int RunDepthGlobalMapper(int argc, char** argv);
 int RunModelEvaluator(int argc, char** argv);

@@ -2,19 +2,17 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/depth_database.h"
+#include "colmap_ext/fnv_hash.h"
+#include "colmap_ext/image_orientation.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
-#include "controllers/command_options.h"
-#include "controllers/commands.h"
+#include "controllers/depth_file_search.h"
 #include "controllers/progress.h"
 
 #include <algorithm>
-#include <exception>
 #include <filesystem>
 #include <iomanip>
-#include <iostream>
 #include <map>
-#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -27,79 +25,56 @@ namespace fs = std::filesystem;
 // of them is slow.
 constexpr size_t kBatchSizePerThread = 4;
 
-// Depth files by what an image with that depth may be called; names relative
-// to the folder, with '/'.
-std::map<std::string, std::vector<std::string>> FindDepthFiles(
-    const std::string& depth_path) {
-  if (!fs::is_directory(depth_path)) {
-    throw std::runtime_error("depth folder " + depth_path + " does not exist");
-  }
-  const std::vector<std::string>& extensions = DepthFileExtensions();
-  std::map<std::string, std::vector<std::string>> files;
-  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(
-           depth_path, fs::directory_options::follow_directory_symlink)) {
-    const fs::path file = entry.path().lexically_relative(depth_path);
-    if (!entry.is_regular_file() ||
-        std::find(extensions.begin(), extensions.end(), file.extension()) ==
-            extensions.end()) {
-      continue;
-    }
-    files[fs::path(file).replace_extension().generic_string()].push_back(
-        file.generic_string());
-  }
-  for (auto& [name, same_name_files] : files) {
-    std::sort(same_name_files.begin(), same_name_files.end());
-  }
-  return files;
-}
-
-// The file of each image that has one.
-std::map<colmap::image_t, std::string> MatchFilesToImages(
-    const Scene& scene,
-    const std::map<std::string, std::vector<std::string>>& files) {
-  std::map<colmap::image_t, std::string> file_of_image;
-  std::map<std::string, std::string> image_of_file;
-  for (const auto& [image_id, image] : scene.images) {
-    const std::string& name = image.Name();
-    const std::string stem =
-        fs::path(name).replace_extension().generic_string();
-    std::vector<std::string> matches;
-    for (const std::string& key : std::set<std::string>{name, stem}) {
-      const auto match = files.find(key);
-      if (match == files.end()) continue;
-      matches.insert(matches.end(), match->second.begin(), match->second.end());
-    }
-    if (matches.empty()) continue;
-    if (matches.size() > 1) {
-      throw std::runtime_error("image " + name + " has two depth maps, " +
-                               matches[0] + " and " + matches[1]);
-    }
-    const auto [other, is_new] = image_of_file.emplace(matches[0], name);
-    if (!is_new) {
-      throw std::runtime_error("depth map " + matches[0] +
-                               " fits two images, " + other->second + " and " +
-                               name);
-    }
-    file_of_image.emplace(image_id, matches[0]);
-  }
-  return file_of_image;
-}
-
 // What is stored and told of an image, or why it cannot be.
 struct ImageDepth {
   CompressedDepthMap depth_map;
   KeypointDepths keypoint_depths;
   DepthImportSummary::Image summary;
-  std::exception_ptr error;
+  std::string error;
 };
 
-ImageDepth ReadImageDepth(const std::string& depth_path,
-                          const std::string& file,
+void AddFile(const std::string& path, FnvHash* hash) {
+  hash->AddAll(fs::path(path).filename().string());
+  std::error_code error;
+  hash->Add(path.empty() ? uintmax_t{0} : fs::file_size(path, error));
+  hash->Add(
+      path.empty()
+          ? int64_t{0}
+          : int64_t{
+                fs::last_write_time(path, error).time_since_epoch().count()});
+}
+
+// Of all that the depth of an image depends on, its key points excepted.
+uint64_t SourceFingerprint(const DepthFile& file,
+                           const colmap::Camera& camera,
+                           const DepthImportOptions& options) {
+  FnvHash hash;
+  AddFile(file.path, &hash);
+  hash.AddAll(file.group);
+  AddFile(file.confidence_path, &hash);
+  hash.Add(file.orientation);
+  hash.Add(static_cast<int>(options.reading.type));
+  hash.Add(options.reading.scale);
+  hash.Add(static_cast<int>(options.reading.unit));
+  hash.Add(options.reading.max_depth);
+  hash.Add(options.reading.min_confidence);
+  hash.Add(options.reading.max_uncertainty);
+  hash.Add(options.sampling.max_neighbor_ratio);
+  hash.Add(options.sampling.keep_edges);
+  hash.Add(options.keypoints_only);
+  hash.Add(camera.ModelId());
+  hash.Add(camera.Width());
+  hash.Add(camera.Height());
+  hash.AddAll(camera.Params());
+  return hash.Value();
+}
+
+ImageDepth ReadImageDepth(const DepthFile& file,
                           const colmap::Image& image,
                           const colmap::Camera& camera,
                           const DepthImportOptions& options) {
-  const std::string path = (fs::path(depth_path) / file).string();
-  const DepthMap depth_map = ReadDepthMap(path, camera, options.reading);
+  const ImportedDepth imported = ReadDepth(file, camera, options.reading);
+  const DepthMap& depth_map = imported.depth_map;
   std::vector<Eigen::Vector2d> keypoints;
   keypoints.reserve(image.NumPoints2D());
   for (const colmap::Point2D& point2D : image.Points2D()) {
@@ -110,81 +85,106 @@ ImageDepth ReadImageDepth(const std::string& depth_path,
 
   ImageDepth result;
   result.summary.name = image.Name();
-  result.summary.file = file;
+  result.summary.file = file.Description();
   result.summary.width = depth_map.width;
   result.summary.height = depth_map.height;
   result.summary.coverage = depth_map.Coverage();
   result.summary.num_keypoints = depths.size();
   result.summary.num_keypoints_with_depth = std::count_if(
       depths.begin(), depths.end(), [](float depth) { return depth > 0; });
-  result.depth_map = CompressDepth(depth_map);
+  result.summary.focal_length_px = imported.focal_length_px;
+  result.summary.is_stretched = imported.is_stretched;
+  if (!options.keypoints_only) result.depth_map = CompressDepth(depth_map);
   result.keypoint_depths = {options.reading.unit,
                             std::move(depths),
-                            ReadDepthFocalLength(path, depth_map, camera)};
-  result.summary.focal_length_px = result.keypoint_depths.focal_length_px;
+                            imported.focal_length_px,
+                            SourceFingerprint(file, camera, options)};
   return result;
 }
 
 // Reads, samples and compresses in parallel, writes in the order of image ids.
-std::vector<DepthImportSummary::Image> ImportFiles(
-    const Scene& scene,
-    const std::map<colmap::image_t, std::string>& file_of_image,
-    const std::string& depth_path,
-    const DepthImportOptions& options,
-    DepthDatabase* database) {
-  const std::vector<std::pair<colmap::image_t, std::string>> files(
-      file_of_image.begin(), file_of_image.end());
-  const size_t batch_size =
-      kBatchSizePerThread * EffectiveNumThreads(options.num_threads);
-  std::vector<DepthImportSummary::Image> imported;
-  Progress progress("Importing depth maps", files.size());
-  for (size_t begin = 0; begin < files.size(); begin += batch_size) {
-    std::vector<ImageDepth> batch(std::min(batch_size, files.size() - begin));
-    ParallelFor(batch.size(), options.num_threads, [&](size_t i) {
-      const auto& [image_id, file] = files[begin + i];
-      const colmap::Image& image = scene.images.at(image_id);
-      try {
-        batch[i] = ReadImageDepth(depth_path,
-                                  file,
-                                  image,
-                                  scene.cameras.at(image.CameraId()),
-                                  options);
-      } catch (...) {
-        // The first image's error is to be reported, not the first thread's.
-        batch[i].error = std::current_exception();
-      }
-      progress.Step();
-    });
-    for (size_t i = 0; i < batch.size(); ++i) {
-      if (batch[i].error) std::rethrow_exception(batch[i].error);
-      database->WriteCompressedDepthMap(
-          files[begin + i].first, batch[i].depth_map, batch[i].keypoint_depths);
-      imported.push_back(std::move(batch[i].summary));
+class FileImport {
+ public:
+  FileImport(const Scene& scene,
+             const DepthImportOptions& options,
+             DepthDatabase* database)
+      : scene_(scene), options_(options), database_(database) {}
+
+  void Run(const std::vector<std::pair<colmap::image_t, DepthFile>>& files,
+           DepthImportSummary* summary) {
+    const size_t batch_size =
+        kBatchSizePerThread * EffectiveNumThreads(options_.num_threads);
+    Progress progress("Importing depth maps", files.size());
+    for (size_t begin = 0; begin < files.size(); begin += batch_size) {
+      std::vector<ImageDepth> batch(std::min(batch_size, files.size() - begin));
+      ParallelFor(batch.size(), options_.num_threads, [&](size_t i) {
+        batch[i] = Read(files[begin + i].first, files[begin + i].second);
+        progress.Step();
+      });
+      Write(files.begin() + begin, &batch, summary);
     }
   }
-  return imported;
+
+ private:
+  ImageDepth Read(colmap::image_t image_id, const DepthFile& file) const {
+    const colmap::Image& image = scene_.images.at(image_id);
+    try {
+      return ReadImageDepth(
+          file, image, scene_.cameras.at(image.CameraId()), options_);
+    } catch (const std::runtime_error& error) {
+      ImageDepth failed;
+      failed.summary.name = image.Name();
+      failed.error = error.what();
+      return failed;
+    }
+  }
+
+  void Write(
+      std::vector<std::pair<colmap::image_t, DepthFile>>::const_iterator file,
+      std::vector<ImageDepth>* batch,
+      DepthImportSummary* summary) {
+    const bool is_any_read =
+        std::any_of(batch->begin(), batch->end(), [](const ImageDepth& image) {
+          return image.error.empty();
+        });
+    if (is_any_read) {
+      database_->BeginTransaction();
+      database_->DeleteAllPairGeometries();
+    }
+    for (ImageDepth& image : *batch) {
+      const colmap::image_t image_id = (file++)->first;
+      if (!image.error.empty()) {
+        summary->failed.push_back({image.summary.name, image.error});
+        continue;
+      }
+      if (options_.keypoints_only) {
+        database_->WriteKeypointDepths(image_id, image.keypoint_depths);
+      } else {
+        database_->WriteCompressedDepthMap(
+            image_id, image.depth_map, image.keypoint_depths);
+      }
+      summary->imported.push_back(std::move(image.summary));
+    }
+    if (is_any_read) database_->CommitTransaction();
+  }
+
+  const Scene& scene_;
+  const DepthImportOptions& options_;
+  DepthDatabase* database_;
+};
+
+// Gives each file the orientation of its image.
+void ReadOrientations(const Scene& scene,
+                      const std::string& image_path,
+                      std::map<colmap::image_t, DepthFile>* file_of_image) {
+  for (auto& [image_id, file] : *file_of_image) {
+    file.orientation = ReadExifOrientation(
+        (fs::path(image_path) / scene.images.at(image_id).Name()).string());
+  }
 }
 
 double Percentage(size_t part, size_t whole) {
   return whole == 0 ? 0 : 100.0 * part / whole;
-}
-
-template <typename T>
-bool ParseChoice(const std::string& name,
-                 const std::string& text,
-                 const std::vector<std::pair<std::string, T>>& choices,
-                 T* value) {
-  std::string expected;
-  for (const auto& [choice, choice_value] : choices) {
-    if (text == choice) {
-      *value = choice_value;
-      return true;
-    }
-    expected += (expected.empty() ? "" : ", ") + choice;
-  }
-  std::cerr << "ERROR: " << name << " is '" << text << "' but must be one of "
-            << expected << std::endl;
-  return false;
 }
 
 }  // namespace
@@ -208,9 +208,13 @@ std::string DepthImportSummary::ToText() const {
     if (image.focal_length_px > 0) {
       text << ", focal length " << image.focal_length_px << " px";
     }
+    if (image.is_stretched) text << ", stretched to the image's aspect";
     text << "\n";
     num_keypoints += image.num_keypoints;
     num_keypoints_with_depth += image.num_keypoints_with_depth;
+  }
+  for (const Failure& failure : failed) {
+    text << "failed: " << failure.name << ": " << failure.reason << "\n";
   }
   for (const std::string& file : files_without_image) {
     text << "file without image: " << file << "\n";
@@ -221,9 +225,15 @@ std::string DepthImportSummary::ToText() const {
   if (num_kept > 0) {
     text << num_kept << " of these keep the depth of an earlier import\n";
   }
+  if (num_unchanged > 0) {
+    text << num_unchanged
+         << " images were imported from the same files before "
+            "(--overwrite 1 imports them again)\n";
+  }
   text << "imported " << imported.size() << " of "
-       << imported.size() + images_without_depth.size() << " images, "
-       << num_keypoints_with_depth << " key points with depth ("
+       << imported.size() + failed.size() + num_unchanged +
+              images_without_depth.size()
+       << " images, " << num_keypoints_with_depth << " key points with depth ("
        << Percentage(num_keypoints_with_depth, num_keypoints) << " %)\n";
   return text.str();
 }
@@ -234,96 +244,41 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   const Scene scene = ReadSceneWithoutMatches(database_path);
-  const auto files = FindDepthFiles(depth_path);
-  const auto file_of_image = MatchFilesToImages(scene, files);
-  if (file_of_image.empty()) {
+  DepthFileSearch search =
+      FindDepthFiles(scene, depth_path, options.confidence_path);
+  if (search.file_of_image.empty()) {
     throw std::runtime_error(
         "no depth map in " + depth_path + " is named after one of the " +
         std::to_string(scene.images.size()) + " images of " + database_path);
   }
+  if (!options.displayed_image_path.empty()) {
+    ReadOrientations(
+        scene, options.displayed_image_path, &search.file_of_image);
+  }
 
   DepthDatabase database(database_path, DepthDatabase::Mode::READ_WRITE);
-  database.BeginTransaction();
+  const auto known = database.ReadSourceFingerprints();
   DepthImportSummary summary;
-  summary.imported =
-      ImportFiles(scene, file_of_image, depth_path, options, &database);
-  database.DeleteAllPairGeometries();
-  database.CommitTransaction();
-
-  std::set<std::string> used_files;
-  for (const auto& [image_id, file] : file_of_image) used_files.insert(file);
-  for (const auto& [image_name, same_name_files] : files) {
-    for (const std::string& file : same_name_files) {
-      if (used_files.count(file) == 0) {
-        summary.files_without_image.push_back(file);
-      }
+  summary.files_without_image = std::move(search.files_without_image);
+  std::vector<std::pair<colmap::image_t, DepthFile>> files;
+  for (const auto& [image_id, image] : scene.images) {
+    const auto file = search.file_of_image.find(image_id);
+    const auto known_fingerprint = known.find(image_id);
+    if (file == search.file_of_image.end()) {
+      summary.images_without_depth.push_back(image.Name());
+      if (known_fingerprint != known.end()) ++summary.num_kept;
+    } else if (!options.overwrite && known_fingerprint != known.end() &&
+               known_fingerprint->second ==
+                   SourceFingerprint(file->second,
+                                     scene.cameras.at(image.CameraId()),
+                                     options)) {
+      ++summary.num_unchanged;
+    } else {
+      files.emplace_back(*file);
     }
   }
-  for (const auto& [image_id, image] : scene.images) {
-    if (file_of_image.count(image_id) > 0) continue;
-    summary.images_without_depth.push_back(image.Name());
-    if (database.HasDepthMap(image_id)) ++summary.num_kept;
-  }
+  FileImport(scene, options, &database).Run(files, &summary);
   return summary;
-}
-
-int RunDepthImporter(int argc, char** argv) {
-  std::string database_path;
-  std::string depth_path;
-  std::string depth_type = "z";
-  std::string depth_unit = "metric";
-  DepthImportOptions options;
-  CommandOptions command("depth_importer",
-                         "Stores depth maps and their values at the key points "
-                         "in the database.");
-  command.AddRequired("database_path", &database_path, "COLMAP database");
-  command.AddRequired("depth_path",
-                      &depth_path,
-                      "Folder of depth maps named after the images, a.jpg.npy "
-                      "or a.npy; also .npz, .pfm and .png");
-  command.Add("depth_type",
-              &depth_type,
-              "What the numbers are: z (third coordinate), range (length of "
-              "the ray) or inverse (1 / z)");
-  command.Add("depth_scale",
-              &options.reading.scale,
-              "Depth per unit of the files, e.g. 0.001 for millimetres; for "
-              "inverse, depth times number");
-  command.Add("depth_unit",
-              &depth_unit,
-              "What depth is measured in after scaling: metric (metres) or "
-              "relative (unknown)");
-  command.Add("DepthSampling.max_neighbor_ratio",
-              &options.sampling.max_neighbor_ratio,
-              "Largest ratio of neighbouring depths on one surface [1]");
-  command.Add("DepthSampling.keep_edges",
-              &options.sampling.keep_edges,
-              "Whether key points on depth edges get the nearest depth");
-  command.Add("num_threads",
-              &options.num_threads,
-              "Threads that read and sample; -1 for one per core");
-  if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
-  std::string error;
-  if (!ParseChoice<DepthType>("depth_type",
-                              depth_type,
-                              {{"z", DepthType::Z},
-                               {"range", DepthType::RANGE},
-                               {"inverse", DepthType::INVERSE}},
-                              &options.reading.type) ||
-      !ParseChoice<DepthUnit>(
-          "depth_unit",
-          depth_unit,
-          {{"metric", DepthUnit::METRIC}, {"relative", DepthUnit::RELATIVE}},
-          &options.reading.unit)) {
-    return 2;
-  }
-  if (!options.IsValid(&error)) {
-    std::cerr << "ERROR: " << error << std::endl;
-    return 2;
-  }
-  std::cout << ImportDepthMaps(database_path, depth_path, options).ToText()
-            << std::flush;
-  return 0;
 }
 
 }  // namespace dgsfm

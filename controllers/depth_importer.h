@@ -1,5 +1,5 @@
-// `depth_importer`: depth maps from a folder into the database, with their
-// values at the key points.
+// `depth_importer`: depth maps from files into the database, with their values
+// at the key points.
 
 #pragma once
 
@@ -15,6 +15,17 @@ namespace dgsfm {
 struct DepthImportOptions {
   DepthReadOptions reading;
   DepthSamplingOptions sampling;
+  // Folder of confidence maps; empty for none.
+  std::string confidence_path;
+  // Folder of images whose depth model saw them as displayed, that is turned by
+  // their EXIF orientation: maps are turned back. Empty if it saw them as
+  // stored, which is how COLMAP sees them.
+  std::string displayed_image_path;
+  // Stores only the depth at the key points, 4 bytes each.
+  bool keypoints_only = false;
+  // Imports again what was imported from the same file (by size and time of
+  // change) by the same options.
+  bool overwrite = false;
   // Threads that read and sample; one per core if not positive.
   int num_threads = -1;
 
@@ -24,44 +35,53 @@ struct DepthImportOptions {
 struct DepthImportSummary {
   struct Image {
     std::string name;
-    std::string file;  // relative to the depth folder
-    int width = 0;     // of the map [px]
+    std::string file;
+    int width = 0;  // of the map [px]
     int height = 0;
     double coverage = 0;  // share of map pixels with known depth
     size_t num_keypoints = 0;
     size_t num_keypoints_with_depth = 0;
     double focal_length_px = 0;  // by the depth model, 0 = unknown
+    bool is_stretched = false;   // another aspect than the image's
+  };
+  struct Failure {
+    std::string name;
+    std::string reason;  // names the file
   };
 
   // All lists are in the order of image ids, or sorted.
   std::vector<Image> imported;
+  // Images whose depth could not be read.
+  std::vector<Failure> failed;
+  // Images whose depth was there already, from the same file.
+  size_t num_unchanged = 0;
   std::vector<std::string> images_without_depth;
-  // Of those, how many have a depth map from an earlier import.
+  // Of those, how many have depth from an earlier import.
   size_t num_kept = 0;
   std::vector<std::string> files_without_image;
 
-  // One line per image, file without image and image without depth; the last
-  // line is "imported N of M images, K key points with depth (P %)", where P
-  // refers to the key points of the imported images.
+  // One line per image, failure, file without image and image without depth;
+  // the last line is "imported N of M images, K key points with depth (P %)",
+  // where P refers to the key points of the imported images.
   std::string ToText() const;
 };
 
-// Stores the depth maps below `depth_path` and their samples in the database.
+// Stores the depth maps that FindDepthFiles finds and their samples in the
+// database. Whether they are the same as those of an earlier import, decides
+// which images are read at all: broken off, the import goes on where it
+// stopped.
 //
-// The map of an image lies in the same sub-folder as the image and is called
-// like it with or without its extension: for image sub/a.jpg sub/a.jpg.npy or
-// sub/a.npy, or another of DepthFileExtensions().
+// The focal length that comes with a map (see ReadDepth) is stored with it; it
+// is a soft prior where the camera has none.
 //
-// The focal length that comes with a map (see ReadDepthFocalLength) is stored
-// with it; it is a soft prior where the camera has none.
+// Maps replace those of an earlier import; images without a file keep theirs,
+// and so do images whose file cannot be read. Each image is stored as a whole
+// or not at all. Where any depth changed pair geometries are deleted, because
+// they are relative to the depth maps that they were estimated with.
 //
-// Maps replace those of an earlier import; images without a file keep theirs.
-// Pair geometries are deleted, because they are relative to the depth maps
-// that they were estimated with.
-//
-// Throws std::runtime_error naming the file or image if a map cannot be read
-// (see ReadDepthMap), if two files fit one image or one file two images, or if
-// no file fits any image. The database is then as it was.
+// Throws std::runtime_error naming the file or image if two files fit one image
+// or one file two images, or if no file fits any image. The database is then as
+// it was.
 // The result does not depend on the number of threads. Memory: a few maps per
 // thread.
 DepthImportSummary ImportDepthMaps(const std::string& database_path,

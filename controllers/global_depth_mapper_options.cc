@@ -153,7 +153,7 @@ void BindOptions(GlobalDepthMapperOptions* options,
   command_options->Add("pair_scores_path",
                        &options->pair_scores_path,
                        "pair scores (Doppelgangers++), lines 'name1 name2 "
-                       "score'; empty = none");
+                       "score', .csv or .json; empty = none");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
   BindMapper(&options->mapper, command_options);

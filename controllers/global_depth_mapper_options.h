@@ -14,7 +14,7 @@ struct GlobalDepthMapperOptions {
   std::string image_path;
   // Existing folder that receives 0/, 1/, ..., report.json and project.ini.
   std::string output_path;
-  // File of pair scores, lines "name1 name2 score"; empty = none.
+  // File of pair scores, see ReadPairScores; empty = none.
   std::string pair_scores_path;
   DepthGeometricVerifierOptions verifier;
   DepthGlobalMapperOptions mapper;

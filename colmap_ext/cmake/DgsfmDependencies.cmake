@@ -3,13 +3,19 @@
 find_package(Boost REQUIRED COMPONENTS program_options filesystem system)
 find_package(Ceres REQUIRED)
 find_package(Eigen3 REQUIRED)
+find_package(OpenEXR REQUIRED)
 find_package(PNG REQUIRED)
 find_package(SQLite3 REQUIRED)
+find_package(TIFF REQUIRED)
 find_package(ZLIB REQUIRED)
 find_package(nlohmann_json REQUIRED)
 # libzip's own package file needs its command-line tools installed.
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(LIBZIP REQUIRED IMPORTED_TARGET GLOBAL libzip)
+pkg_search_module(HDF5 IMPORTED_TARGET GLOBAL hdf5-serial hdf5)
+if(NOT HDF5_FOUND)
+  message(STATUS "No libhdf5: depth and matches in HDF5 files are refused")
+endif()
 
 # COLMAP_DIR takes an installed COLMAP 3.8, built as C++17. Without it we build
 # one, or find the one that was built before.

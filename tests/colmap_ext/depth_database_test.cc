@@ -263,19 +263,21 @@ TEST_F(DepthDatabaseTest, FailedWriteLeavesDatabaseAsItWas) {
 
 TEST_F(DepthDatabaseTest, RefusesAnotherVersionOfTheTables) {
   WriteAll();
-  Execute("UPDATE dgsfm_schema SET version = 3");
+  Execute("UPDATE dgsfm_schema SET version = 4");
   for (const Mode mode : {Mode::READ_ONLY, Mode::READ_WRITE}) {
     EXPECT_THAT([&] { DepthDatabase(path_, mode); },
                 ThrowsMessage<std::runtime_error>(
-                    AllOf(HasSubstr(path_), HasSubstr("version 3"))));
+                    AllOf(HasSubstr(path_), HasSubstr("version 4"))));
   }
 }
 
 TEST_F(DepthDatabaseTest, BringsTablesOfVersion1UpToDate) {
   WriteAll();
-  // The columns that version 2 added.
+  // The columns that versions 3 and 2 added.
   Execute(
       "UPDATE dgsfm_schema SET version = 1;"
+      "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN source_fingerprint;"
+      "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN keypoints_fingerprint;"
       "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN focal_length;"
       "ALTER TABLE dgsfm_pair_geometries DROP COLUMN degeneracies;"
       "ALTER TABLE dgsfm_pair_geometries DROP COLUMN covariance;"
@@ -296,6 +298,51 @@ TEST_F(DepthDatabaseTest, BringsTablesOfVersion1UpToDate) {
   EXPECT_EQ(depths.at(1).focal_length_px, 0);
   ExpectEqual(database.ReadPairGeometries().at(PairIdOfImages(1, 2)),
               TestPairGeometry());
+}
+
+TEST_F(DepthDatabaseTest, KeepsPairGeometriesOfVersion2) {
+  WriteAll();
+  Execute(
+      "UPDATE dgsfm_schema SET version = 2;"
+      "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN source_fingerprint;"
+      "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN keypoints_fingerprint;");
+  EXPECT_THROW(DepthDatabase(path_, Mode::READ_ONLY), std::runtime_error);
+  const DepthDatabase database(path_, Mode::READ_WRITE);
+  ExpectEqual(database.ReadPairGeometries().at(PairIdOfImages(1, 2)),
+              TestPairGeometry());
+  EXPECT_EQ(database.ReadAllKeypointDepths().at(1).depths,
+            (std::vector<float>{1.5f, 0, 0.1f}));
+  // Nothing is known of where they came from.
+  EXPECT_TRUE(database.ReadSourceFingerprints().empty());
+}
+
+TEST_F(DepthDatabaseTest, KeepsKeypointDepthsWithoutMap) {
+  WriteAll();
+  {
+    DepthDatabase database(path_, Mode::READ_WRITE);
+    database.WriteKeypointDepths(2, {DepthUnit::METRIC, {3, 4}, 0, 77});
+  }
+  const DepthDatabase database(path_, Mode::READ_ONLY);
+  EXPECT_TRUE(database.HasDepthMap(1));
+  EXPECT_FALSE(database.HasDepthMap(2));
+  EXPECT_EQ(database.ReadAllKeypointDepths().at(2).depths,
+            (std::vector<float>{3, 4}));
+  EXPECT_EQ(database.ReadSourceFingerprints().at(2), 77);
+}
+
+TEST_F(DepthDatabaseTest, NoticesOtherKeypointsOfTheSameNumber) {
+  WriteAll();
+  Execute(
+      "UPDATE keypoints SET data = zeroblob(length(data)) "
+      "WHERE image_id = 1");
+  ExpectReadFails(
+      [](const auto& database) { database.ReadAllKeypointDepths(); },
+      {"image a.jpg has 3 key points",
+       "for other 3",
+       "run depth_importer again"});
+  EXPECT_EQ(
+      DepthDatabase(path_, Mode::READ_ONLY).ReadSourceFingerprints().count(1),
+      0);
 }
 
 TEST_F(DepthDatabaseTest, NoticesThatFeaturesWereExtractedAgain) {

@@ -3,12 +3,14 @@
 #include "tests/testing/npz_file.h"
 #include "tests/testing/test_dir.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -16,13 +18,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <png.h>
+#include <tiffio.h>
 #include <zlib.h>
 
 namespace dgsfm {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 using namespace std::string_literals;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
@@ -67,6 +72,7 @@ class DepthMapIo : public testing::Test {
   }
 
   std::string dir_;
+  int num_files_ = 0;
 };
 
 template <typename T>
@@ -197,10 +203,11 @@ TEST_F(DepthMapIo, RefusesWrongNpy) {
   expect(Npy("<f4", "False", "2, 3)", data), "shape");
   expect(Npy("<f4", "False", "(9999999999999999999999, 3)", data), "shape");
   expect(Npy("<f4", "False", "(6,)", data), "1 dimensions");
-  expect(Npy("<f4", "False", "(1, 2, 3, 2)", data), "3 dimensions");
+  expect(Npy("<f4", "False", "(1, 2, 3, 2)", data + data), "3 dimensions");
   expect(Npy("<f4", "False", "(0, 3)", ""), "3 x 0");
-  expect(Npy("<f4", "False", "(2, 16385)", data), "16385 x 2");
+  expect(Npy("|u1", "False", "(1, 16385)", std::string(16385, 1)), "16385 x 1");
   expect(Npy("<f4", "False", "(16384, 16384)", data), "24 bytes of data");
+  expect(Npy("<f4", "False", "(99999999, 99999999)", data), "larger than");
   expect(kNpy2x3 + "x", "25 bytes of data instead of the 24 of 3 x 2");
   expect("\x93NUMPY\x01\x00\x76\x00"s + std::string(118, ' '), "without descr");
 }
@@ -227,36 +234,192 @@ TEST_F(DepthMapIo, EveryTruncationIsAnError) {
 }
 
 TEST_F(DepthMapIo, ReadsFocalLengthOfTheDepthModel) {
-  const auto focal_of = [&](const std::vector<float>& matrix) {
-    const std::string name = std::to_string(matrix[0]) + ".npz";
+  const auto focal_of = [&](const std::vector<float>& values,
+                            const std::string& shape = "(3, 3)",
+                            int orientation = 1) {
+    const std::string name = std::to_string(num_files_++) + ".npz";
     WriteNpz(name, "depth.npy", kNpy2x3, ZIP_CM_DEFLATE);
     WriteNpz(name,
              "intrinsics.npy",
-             Npy("<f4", "False", "(3, 3)", Bytes(matrix)),
+             Npy("<f4", "False", shape, Bytes(values)),
              ZIP_CM_DEFLATE);
-    const colmap::Camera camera = CreateCamera(300, 200);
-    return ReadDepthFocalLength(
-        Path(name), ReadDepthMap(Path(name), camera, {}), camera);
+    DepthFile file;
+    file.path = Path(name);
+    file.orientation = orientation;
+    const colmap::Camera camera =
+        orientation == 1 ? CreateCamera(300, 200) : CreateCamera(200, 300);
+    return ReadDepth(file, camera, {}).focal_length_px;
   };
   // In units of the size: 0.5 (0.75 x 300 + 1.25 x 200).
-  EXPECT_DOUBLE_EQ(focal_of({0.75f, 0, 0.5f, 0, 1.25f, 0.5f, 0, 0, 1}), 237.5);
+  const std::vector<float> normalized = {
+      0.75f, 0, 0.5f, 0, 1.25f, 0.5f, 0, 0, 1};
+  EXPECT_DOUBLE_EQ(focal_of(normalized), 237.5);
+  // The model saw the 200 x 300 image turned.
+  EXPECT_DOUBLE_EQ(focal_of(normalized, "(3, 3)", 6), 237.5);
   // In pixels of the 3 x 2 map, which are 100 of the image.
   EXPECT_DOUBLE_EQ(focal_of({2.5f, 0, 1.5f, 0, 2.5f, 1, 0, 0, 1}), 250);
+  EXPECT_DOUBLE_EQ(focal_of({2.5f, 1.5f, 1}, "(3,)"), 250);
   EXPECT_EQ(focal_of({1, 0, 0, 0, 1, 0, 0, 0, 1}), 0);
   EXPECT_THROW(focal_of({-2, 0, 0.5f, 0, 1, 0.5f, 0, 0, 1}),
                std::runtime_error);
   EXPECT_THROW(focal_of({kNaN, 0, 0.5f, 0, 1, 0.5f, 0, 0, 1}),
                std::runtime_error);
+  EXPECT_THROW(focal_of(kValues, "(2, 3)"), std::runtime_error);
+}
 
-  const colmap::Camera camera = CreateCamera(300, 200);
-  const DepthMap depth_map = {3, 2, DepthUnit::METRIC, kValues};
-  const std::string plain =
-      WriteNpz("plain.npz", "depth.npy", kNpy2x3, ZIP_CM_STORE);
-  EXPECT_EQ(ReadDepthFocalLength(plain, depth_map, camera), 0);
-  EXPECT_EQ(ReadDepthFocalLength(Path("a.npy"), depth_map, camera), 0);
-  WriteNpz("plain.npz", "intrinsics.npy", kNpy2x3, ZIP_CM_STORE);
-  EXPECT_THROW(ReadDepthFocalLength(plain, depth_map, camera),
-               std::runtime_error);
+TEST_F(DepthMapIo, ReadsPointsAndExcludesPixels) {
+  // z of 2 x 3 points.
+  const std::vector<float> points = {
+      9, 9, 1, 9, 9, 2, 9, 9, 3, 9, 9, 4, 9, 9, 5, 9, 9, 6};
+  const auto add = [&](const std::string& name,
+                       const std::string& type,
+                       const std::string& shape,
+                       const std::string& data) {
+    WriteNpz("a.npz", name, Npy(type, "False", shape, data), ZIP_CM_STORE);
+  };
+  add("points.npy", "<f4", "(2, 3, 3)", Bytes(points));
+  EXPECT_EQ(ReadValues(Path("a.npz")), kValues);
+  add("mask.npy", "|b1", "(2, 3)", "\0\1\1\1\1\1"s);
+  add("conf.npy", "<f4", "(2, 3)", Bytes<float>({1, 0, 0.25f, 1, kNaN, 1}));
+  add("uncertainty.npy", "<f4", "(2, 3)", Bytes<float>({1, 1, 1, 2, 1, 1}));
+  EXPECT_THAT(ReadValues(Path("a.npz")), ElementsAre(0, 0, 3, 4, 0, 6));
+  DepthReadOptions options;
+  options.min_confidence = 0.5;
+  options.max_uncertainty = 1.5;
+  EXPECT_THAT(ReadValues(Path("a.npz"), options),
+              ElementsAre(0, 0, 0, 0, 0, 6));
+  options = {};
+  options.max_depth = 3;
+  EXPECT_THAT(ReadValues(Path("a.npz"), options),
+              ElementsAre(0, 0, 3, 0, 0, 0));
+  WriteNpz("b.npz", "depth.npy", kNpy2x3, ZIP_CM_STORE);
+  WriteNpz("b.npz",
+           "mask.npy",
+           Npy("|b1", "False", "(1, 3)", "\1\1\1"s),
+           ZIP_CM_STORE);
+  ExpectError(Path("b.npz"), "the mask is 3 x 1 but the depth map 3 x 2");
+  WriteNpz("c.npz",
+           "points.npy",
+           Npy("<f4", "False", "(2, 3)", Bytes(kValues)),
+           ZIP_CM_STORE);
+  ExpectError(Path("c.npz"), "not height x width x 3");
+}
+
+TEST_F(DepthMapIo, ReadsConfidenceOfItsOwnFile) {
+  DepthFile file;
+  file.path = Write("a.npy", kNpy2x3);
+  file.confidence_path =
+      Write("c.png", Png(3, 2, 8, PNG_COLOR_TYPE_GRAY, "\0\0\1\2\0\2\2\2"s));
+  DepthReadOptions options;
+  EXPECT_THAT(ReadDepth(file, CreateCamera(30, 20), options).depth_map.values,
+              ElementsAre(0, 2, 3, 4, 5, 6));
+  options.min_confidence = 2;
+  EXPECT_THAT(ReadDepth(file, CreateCamera(30, 20), options).depth_map.values,
+              ElementsAre(0, 0, 3, 4, 5, 6));
+  file.confidence_path = Write("c.png", "nonsense");
+  EXPECT_THAT([&] { ReadDepth(file, CreateCamera(30, 20), options); },
+              ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr("a.npy"), HasSubstr("c.png"))));
+}
+
+TEST_F(DepthMapIo, TurnsMapsOfDisplayedImagesBack) {
+  // The stored image has 3 x 2 pixels 1 to 6, so what a viewer shows of it
+  // follows from the definition of the tag.
+  const std::map<int, std::vector<float>> displayed = {
+      {1, {1, 2, 3, 4, 5, 6}},   // as stored
+      {2, {3, 2, 1, 6, 5, 4}},   // mirrored
+      {3, {6, 5, 4, 3, 2, 1}},   // turned by 180 degrees
+      {4, {4, 5, 6, 1, 2, 3}},   // upside down
+      {5, {1, 4, 2, 5, 3, 6}},   // transposed, 2 x 3
+      {6, {4, 1, 5, 2, 6, 3}},   // turned clockwise
+      {7, {6, 3, 5, 2, 4, 1}},   // transposed along the other diagonal
+      {8, {3, 6, 2, 5, 1, 4}}};  // turned counterclockwise
+  for (const auto& [orientation, values] : displayed) {
+    DepthFile file;
+    file.path = Path("a.npy");
+    file.orientation = orientation;
+    const DepthMap map = orientation < 5
+                             ? DepthMap{3, 2, DepthUnit::METRIC, values}
+                             : DepthMap{2, 3, DepthUnit::METRIC, values};
+    WriteDepthNpy(file.path, map, NpyPrecision::SINGLE);
+    const ImportedDepth depth = ReadDepth(file, CreateCamera(30, 20), {});
+    EXPECT_EQ(depth.depth_map.width, 3);
+    EXPECT_EQ(depth.depth_map.values, kValues) << orientation;
+  }
+}
+
+TEST_F(DepthMapIo, RefusesWrongDenseMaps) {
+  const auto expect = [&](const std::string& bytes, const std::string& reason) {
+    ExpectError(Write("a.bin", bytes), reason);
+  };
+  expect("", "not a map of COLMAP's dense stereo");
+  expect("3&2", "not a map of COLMAP's dense stereo");
+  expect("3&2&3&", "3 channels");
+  expect("-3&2&1&", "size '-3'");
+  expect("0&2&1&", "0 x 2");
+  expect("3&2&1&" + Bytes<float>({1}), "4 bytes of data instead of the 24");
+  WriteDepthDenseBin(Path("b.bin"), {3, 2, DepthUnit::METRIC, kValues});
+  EXPECT_EQ(FileContent(Path("b.bin")), "3&2&1&" + Bytes(kValues));
+  EXPECT_EQ(ReadValues(Path("b.bin")), kValues);
+}
+
+TEST_F(DepthMapIo, RoundTripsExr) {
+  WriteDepthExr(Path("a.exr"), {3, 2, DepthUnit::METRIC, kValues});
+  EXPECT_EQ(ReadValues(Path("a.exr")), kValues);
+  WriteDepthExr(Path("b.exr"),
+                {3, 2, DepthUnit::METRIC, {1e10, 1, 1, 1, 1, 1}});
+  EXPECT_EQ(ReadValues(Path("b.exr"))[0], 0);
+  EXPECT_THROW(
+      WriteDepthExr(Path("missing/a.exr"), {1, 1, DepthUnit::METRIC, {1}}),
+      std::runtime_error);
+}
+
+TEST_F(DepthMapIo, ReadsTiffOfTilesAndStrips) {
+  for (const bool is_tiled : {false, true}) {
+    for (const int bits : {8, 16, 32}) {
+      TIFF* tiff = TIFFOpen(Path("a.tif").c_str(), "w");
+      ASSERT_NE(tiff, nullptr);
+      TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 40);
+      TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 20);
+      TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, bits);
+      TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+      TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+      TIFFSetField(tiff, TIFFTAG_COMPRESSION, COMPRESSION_LZW);
+      const int size = is_tiled ? 16 : 40;
+      const int num_rows = is_tiled ? 16 : 7;
+      if (is_tiled) {
+        TIFFSetField(tiff, TIFFTAG_TILEWIDTH, size);
+        TIFFSetField(tiff, TIFFTAG_TILELENGTH, size);
+      } else {
+        TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, num_rows);
+      }
+      // Value 5 x + y + 1 at (x, y), little endian.
+      for (int y0 = 0; y0 < 20; y0 += num_rows) {
+        for (int x0 = 0; x0 < 40; x0 += size) {
+          const int rows = is_tiled ? num_rows : std::min(num_rows, 20 - y0);
+          std::string block(rows * size * bits / 8, '\0');
+          for (int i = 0; i < rows * size; ++i) {
+            block[i * bits / 8] = 5 * (x0 + i % size) + y0 + i / size + 1;
+          }
+          const int idx = is_tiled ? TIFFComputeTile(tiff, x0, y0, 0, 0)
+                                   : TIFFComputeStrip(tiff, y0, 0);
+          ASSERT_EQ(is_tiled ? TIFFWriteEncodedTile(
+                                   tiff, idx, block.data(), block.size())
+                             : TIFFWriteEncodedStrip(
+                                   tiff, idx, block.data(), block.size()),
+                    block.size());
+        }
+      }
+      TIFFClose(tiff);
+      const DepthMap map =
+          ReadDepthMap(Path("a.tif"), CreateCamera(40, 20), {});
+      ASSERT_EQ(map.values.size(), 800);
+      for (int i = 0; i < 800; ++i) {
+        ASSERT_EQ(map.values[i], 5 * (i % 40) + i / 40 + 1) << i;
+      }
+    }
+  }
+  ExpectError(Write("b.tif", "nonsense"), "TIFF");
 }
 
 TEST_F(DepthMapIo, DamagedBytesNeverCrash) {
@@ -265,6 +428,9 @@ TEST_F(DepthMapIo, DamagedBytesNeverCrash) {
   std::ofstream(Path("whole.npy"), std::ios::binary) << kNpy2x3;
   std::ofstream(Path("whole.pfm"), std::ios::binary)
       << "Pf\n3 2\n-1.0\n" + Bytes(kValues);
+  const DepthMap depth_map = {3, 2, DepthUnit::METRIC, kValues};
+  WriteDepthExr(Path("whole.exr"), depth_map);
+  WriteDepthDenseBin(Path("whole.bin"), depth_map);
   for (const std::string& extension : DepthFileExtensions()) {
     const std::string whole = FileContent(Path("whole" + extension));
     for (size_t i = 0; i < whole.size(); ++i) {
@@ -291,7 +457,7 @@ TEST_F(DepthMapIo, ReadsNpzStoredAndDeflated) {
 
 TEST_F(DepthMapIo, RefusesWrongNpz) {
   ExpectError(WriteNpz("key.npz", "disparity.npy", kNpy2x3, ZIP_CM_STORE),
-              "no array named depth");
+              "no array named depth or points");
   ExpectError(WriteNpz("array.npz", "depth.npy", "nonsense", ZIP_CM_STORE),
               "not a NumPy array");
   ExpectError(Write("archive.npz", "nonsense"), "no NumPy archive");
@@ -440,10 +606,18 @@ TEST_F(DepthMapIo, RefusesTurnedMapsOnly) {
   ExpectError(write(67, 100), "turned", CreateCamera(1500, 1000));
   // Any other aspect may be a network's input.
   for (const auto& [width, height] : std::vector<std::pair<int, int>>{
-           {64, 48}, {48, 64}, {128, 128}, {150, 100}, {3, 2}, {1, 1}}) {
+           {64, 48}, {128, 128}, {150, 100}, {3, 2}, {1, 1}}) {
     EXPECT_NO_THROW(
         ReadDepthMap(write(width, height), CreateCamera(1500, 1000), {}));
   }
+  ExpectError(write(48, 64),
+              "depth map is 48 x 64 but the image 1500 x 1000: width to height "
+              "differs by the factor 2, more than max_aspect_factor, 1.5",
+              CreateCamera(1500, 1000));
+  DepthReadOptions options;
+  options.max_aspect_factor = 2;
+  EXPECT_NO_THROW(
+      ReadDepthMap(write(48, 64), CreateCamera(1500, 1000), options));
   // Nearly square images cannot tell.
   EXPECT_NO_THROW(ReadDepthMap(write(99, 100), CreateCamera(1000, 990), {}));
 }
@@ -451,7 +625,9 @@ TEST_F(DepthMapIo, RefusesTurnedMapsOnly) {
 TEST_F(DepthMapIo, RefusesUnreadableFiles) {
   ExpectError(Path("missing.npy"), "No such file");
   ExpectError(Path("missing.png"), "No such file");
-  ExpectError(Write("a.exr", "x"), "'.exr' is no known depth format");
+  ExpectError(Write("a.jpg", "x"), "'.jpg' is no known depth format");
+  ExpectError(Write("a.exr", "x"), "EXR");
+  ExpectError(Path("missing.h5"), "HDF5");
   std::filesystem::create_directory(Path("folder.npy"));
   ExpectError(Path("folder.npy"), "directory");
 }
@@ -498,8 +674,8 @@ for t in ['<f2', '>f2', '<f4', '>f4', '<f8', '>f8', 'u1', '<u2', '>i4']:
 np.savez(d + 'stored.npz', depth=a.astype('f4'), other=a)
 np.savez_compressed(d + 'deflated.npz', other=a, depth=a.astype('f2'))
 )";
-  const std::string command =
-      "python3 " + Write("write.py", script) + " " + dir_ + " 2>/dev/null";
+  const std::string command = DGSFM_PYTHON " " + Write("write.py", script) +
+                              " " + dir_ + " 2>/dev/null";
   if (std::system(command.c_str()) != 0) GTEST_SKIP() << "no Python with NumPy";
   size_t num_files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(dir_)) {
@@ -515,9 +691,9 @@ import numpy as np
 a = np.load(sys.argv[1])
 assert a.dtype == np.float16 and (a == np.arange(1, 7).reshape(2, 3)).all()
 )";
-  EXPECT_EQ(std::system(
-                ("python3 " + Write("check.py", check) + " " + Path("ours.npy"))
-                    .c_str()),
+  EXPECT_EQ(std::system((DGSFM_PYTHON " " + Write("check.py", check) + " " +
+                         Path("ours.npy"))
+                            .c_str()),
             0);
 }
 

@@ -56,6 +56,13 @@ TEST_P(ModelIo, ReadsWhatColmapWrites) {
     EXPECT_TRUE(QvecFromRotation(image.cam_from_world.rotation)
                     .isApprox(expected.Qvec(), 1e-15));
     EXPECT_EQ(image.cam_from_world.translation, expected.Tvec());
+    // The third key point sees nothing.
+    ASSERT_EQ(image.observations.size(), 2);
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(image.observations[i].xy, expected.Point2D(i).XY());
+      EXPECT_EQ(image.observations[i].point3D_id,
+                expected.Point2D(i).Point3DId());
+    }
   }
   const auto cameras = ReadModelCameras(folder);
   ASSERT_EQ(cameras.size(), 1);
@@ -67,6 +74,7 @@ TEST_P(ModelIo, ReadsWhatColmapWrites) {
   ASSERT_EQ(points.size(), 5);
   for (const ModelPoint& point : points) {
     const auto& expected = truth.Point3D(point.color(1) + 1);
+    EXPECT_EQ(point.point3D_id, point.color(1) + 1);
     EXPECT_EQ(point.xyz, expected.XYZ());
     EXPECT_EQ(point.color, expected.Color());
     EXPECT_EQ(point.track_length, 2);

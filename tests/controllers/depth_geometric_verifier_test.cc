@@ -193,6 +193,9 @@ TEST_F(DepthGeometricVerifier, TablesOfVersion1AreBroughtUpToDate) {
   SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
       .Execute(
           "UPDATE dgsfm_schema SET version = 1;"
+          "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN source_fingerprint;"
+          "ALTER TABLE dgsfm_keypoint_depths "
+          "DROP COLUMN keypoints_fingerprint;"
           "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN focal_length;"
           "ALTER TABLE dgsfm_pair_geometries DROP COLUMN fingerprint;");
   Verify();

@@ -8,9 +8,13 @@
 #include "tests/testing/npz_file.h"
 #include "tests/testing/test_dir.h"
 
+#include <colmap/util/bitmap.h>
+
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -110,7 +114,7 @@ TEST_F(DepthImporter, StoresMapsAndSamples) {
 
   ASSERT_EQ(summary.imported.size(), 2);
   EXPECT_EQ(summary.imported[0].name, "sub/a.jpg");
-  EXPECT_EQ(summary.imported[0].file, "sub/a.jpg.npy");
+  EXPECT_EQ(summary.imported[0].file, depth_path_ + "/sub/a.jpg.npy");
   EXPECT_EQ(summary.imported[0].width, 3);
   EXPECT_EQ(summary.imported[0].height, 2);
   EXPECT_DOUBLE_EQ(summary.imported[0].coverage, 2.0 / 3.0);
@@ -169,36 +173,143 @@ TEST_F(DepthImporter, ReplacesEarlierImportAndItsGeometries) {
   EXPECT_TRUE(database.ReadPairGeometries().empty());
 }
 
-TEST_F(DepthImporter, BadFileLeavesDatabaseUnchanged) {
-  // More images than one batch, the last of them bad: the earlier ones have
-  // been written by then.
+TEST_F(DepthImporter, BadFilesAreNamedAndTheOthersImported) {
+  // More images than one batch.
   {
     ColmapDatabaseWriter writer(database_path_ + "2", ColmapSchema::V3_8);
     const auto camera_id = writer.AddCamera(kPinhole, 30, 20, {30, 30, 15, 10});
-    for (int i = 0; i < 20; ++i) {
+    for (int i = 10; i < 30; ++i) {
       const std::string name = std::to_string(i);
       writer.AddImage(name + ".jpg", camera_id, {{15, 10}});
       WriteMap(name + ".npy", 1);
     }
   }
   database_path_ += "2";
-  std::ofstream(depth_path_ + "/19.npy") << "nonsense";
-  ExpectError({depth_path_ + "/19.npy", "not a NumPy array"});
-  WriteMap("19.npy", 0);
-  ExpectError({depth_path_ + "/19.npy", "no pixel of the 3 x 2 depth map"});
-}
-
-TEST_F(DepthImporter, FirstBadImageIsNamedForAnyNumberOfThreads) {
-  WriteMap("sub/a.npy", 0);
-  WriteMap("b.npy", 0);
+  std::ofstream(depth_path_ + "/12.npy") << "nonsense";
+  WriteMap("28.npy", 0);
   for (const int num_threads : {1, 4}) {
     DepthImportOptions options;
     options.num_threads = num_threads;
-    try {
-      Import(options);
-      ADD_FAILURE();
-    } catch (const std::runtime_error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("sub/a.npy"));
+    options.overwrite = true;
+    const DepthImportSummary summary = Import(options);
+    EXPECT_EQ(summary.imported.size(), 18);
+    ASSERT_EQ(summary.failed.size(), 2);
+    EXPECT_EQ(summary.failed[0].name, "12.jpg");
+    EXPECT_THAT(summary.failed[0].reason,
+                HasSubstr(depth_path_ + "/12.npy: not a NumPy array"));
+    EXPECT_THAT(summary.ToText(),
+                HasSubstr("failed: 28.jpg: depth map " + depth_path_ +
+                          "/28.npy: no pixel of the 3 x 2 depth map"));
+  }
+  // Only what failed is left to do.
+  WriteMap("12.npy", 1);
+  const DepthImportSummary rest = Import();
+  ASSERT_EQ(rest.imported.size(), 1);
+  EXPECT_EQ(rest.imported[0].name, "12.jpg");
+  EXPECT_EQ(rest.num_unchanged, 18);
+  EXPECT_THAT(rest.ToText(), HasSubstr("imported 1 of 20 images"));
+}
+
+TEST_F(DepthImporter, ImportsAgainOnlyWhatChanged) {
+  WriteMap("sub/a.npy", 2);
+  WriteMap("b.npy", 3);
+  Import();
+  {
+    DepthDatabase database(database_path_, DepthDatabase::Mode::READ_WRITE);
+    PairGeometry geometry;
+    geometry.status = PairStatus::TOO_FEW_MATCHES;
+    database.WritePairGeometries(
+        {{PairIdOfImages(image_id1_, image_id2_), geometry}});
+  }
+  EXPECT_EQ(Import().num_unchanged, 2);
+  const auto num_geometries = [&] {
+    return DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+        .ReadPairGeometries()
+        .size();
+  };
+  EXPECT_EQ(num_geometries(), 1);
+  // Key points, options and files decide.
+  SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute("UPDATE keypoints SET data = x'" + std::string(48, '0') +
+               "' WHERE image_id = " + std::to_string(image_id2_));
+  DepthImportSummary summary = Import();
+  ASSERT_EQ(summary.imported.size(), 1);
+  EXPECT_EQ(summary.imported[0].name, "b.jpg");
+  EXPECT_EQ(num_geometries(), 0);
+  DepthImportOptions options;
+  options.reading.scale = 2;
+  EXPECT_EQ(Import(options).imported.size(), 2);
+  fs::last_write_time(
+      depth_path_ + "/b.npy",
+      fs::last_write_time(depth_path_ + "/b.npy") + std::chrono::seconds(1));
+  EXPECT_EQ(Import(options).imported.size(), 1);
+}
+
+TEST_F(DepthImporter, StoresDepthAtKeypointsOnly) {
+  WriteMap("sub/a.npy", 2);
+  Import();
+  DepthImportOptions options;
+  options.keypoints_only = true;
+  EXPECT_EQ(Import(options).imported.size(), 1);
+  const DepthDatabase database(database_path_, DepthDatabase::Mode::READ_ONLY);
+  EXPECT_FALSE(database.HasDepthMap(image_id1_));
+  EXPECT_THAT(database.ReadAllKeypointDepths().at(image_id1_).depths,
+              ElementsAre(0, 2));
+}
+
+TEST_F(DepthImporter, PrefersGeometricDenseMaps) {
+  const auto write = [&](const std::string& file, float depth) {
+    WriteDepthDenseBin(depth_path_ + "/" + file,
+                       {3, 2, DepthUnit::METRIC, std::vector<float>(6, depth)});
+  };
+  write("sub/a.jpg.geometric.bin", 2);
+  write("sub/a.jpg.photometric.bin", 3);
+  write("b.jpg.photometric.bin", 4);
+  EXPECT_EQ(Import().imported.size(), 2);
+  const auto depths =
+      DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+          .ReadAllKeypointDepths();
+  EXPECT_THAT(depths.at(image_id1_).depths, ElementsAre(2, 2));
+  EXPECT_THAT(depths.at(image_id2_).depths, ElementsAre(4));
+}
+
+TEST_F(DepthImporter, TurnsMapsOfImagesWithExifOrientation) {
+  // What a viewer shows of c.jpg is 20 x 30.
+  colmap::Bitmap bitmap;
+  bitmap.Allocate(30, 20, /*as_rgb=*/false);
+  const std::string image_path = depth_path_ + "/../images";
+  fs::create_directories(image_path);
+  ASSERT_TRUE(bitmap.Write(image_path + "/plain.jpg", FIF_JPEG));
+  std::string bytes = FileContent(image_path + "/plain.jpg");
+  // An EXIF segment with one tag: orientation 6 as a little-endian short.
+  bytes.insert(2,
+               std::string("\xff\xe1\x00\x22"
+                           "Exif\0\0II*\0\x08\0\0\0\x01\0"
+                           "\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0",
+                           36));
+  std::ofstream(image_path + "/c.jpg", std::ios::binary) << bytes;
+  std::vector<float> values(24);
+  std::iota(values.begin(), values.end(), 1.0f);
+  WriteDepthNpy(depth_path_ + "/c.npy",
+                {4, 6, DepthUnit::METRIC, values},
+                NpyPrecision::SINGLE);
+  const DepthImportSummary refused = Import();
+  ASSERT_EQ(refused.failed.size(), 1);
+  EXPECT_THAT(refused.failed[0].reason,
+              HasSubstr("the depth map is 4 x 6 but the image 30 x 20: one of "
+                        "them is turned by 90 degrees"));
+  DepthImportOptions options;
+  options.displayed_image_path = image_path;
+  EXPECT_EQ(Import(options).imported.size(), 1);
+  const DepthMap stored =
+      DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+          .ReadDepthMap(image_id3_);
+  ASSERT_EQ(stored.width, 6);
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 6; ++x) {
+      // The upper left corner of what is stored is the upper right one of what
+      // is shown.
+      EXPECT_EQ(stored.At(x, y), values[4 * x + 3 - y]);
     }
   }
 }

@@ -1,9 +1,6 @@
 # Databases with our tables, read by COLMAP 4.x through pycolmap. Skipped where
 # the interpreter, DGSFM_PYTHON, has no pycolmap.
 
-find_package(Python3 COMPONENTS Interpreter)
-set(DGSFM_PYTHON "${Python3_EXECUTABLE}" CACHE FILEPATH
-    "Python interpreter for tests with pycolmap")
 if(NOT DGSFM_PYTHON)
   message(STATUS "No Python: the test of databases with pycolmap is left out")
   return()

@@ -1,0 +1,384 @@
+#include "controllers/depth_exporter.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/depth_database.h"
+#include "colmap_ext/depth_file_formats.h"
+#include "colmap_ext/depth_map_io.h"
+#include "colmap_ext/model_io.h"
+#include "colmap_ext/parallel.h"
+#include "colmap_ext/scene_database.h"
+#include "controllers/progress.h"
+#include "estimators/median.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
+#include <sstream>
+#include <stdexcept>
+#include <unordered_map>
+
+#include <nlohmann/json.hpp>
+
+namespace dgsfm {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Of the inverse depths of all images, this share is told apart; nearer ones
+// saturate.
+constexpr double kInverseDepthQuantile = 0.999;
+constexpr double kSplattingSteps = 65536;
+constexpr double kMaxPixel = 65535;
+
+// A model, its points by their ids.
+struct Model {
+  std::map<std::string, ModelImage> images;
+  std::map<colmap::camera_t, colmap::Camera> cameras;
+  std::unordered_map<colmap::point3D_t, Eigen::Vector3d> points;
+};
+
+Model ReadModel(const std::string& path) {
+  const std::string folder = FindLargestModel(path);
+  Model model;
+  model.images = ReadModelImages(folder);
+  model.cameras = ReadModelCameras(folder);
+  for (const ModelPoint& point : ReadModelPoints(folder)) {
+    model.points.emplace(point.point3D_id, point.xyz);
+  }
+  return model;
+}
+
+// Points that the image sees, with the depth of the map there, edges of depth
+// left out.
+std::vector<DepthCorrespondence> FindCorrespondences(
+    const Model& model,
+    const ModelImage& image,
+    const colmap::Camera& camera,
+    const DepthMap& depth_map) {
+  std::vector<Eigen::Vector2d> positions;
+  std::vector<double> point_depths;
+  for (const ModelObservation& observation : image.observations) {
+    const auto point = model.points.find(observation.point3D_id);
+    if (point == model.points.end()) continue;
+    const double depth = (image.cam_from_world * point->second).z();
+    if (!(depth > 0)) continue;
+    positions.push_back(observation.xy);
+    point_depths.push_back(depth);
+  }
+  DepthSamplingOptions sampling;
+  sampling.keep_edges = false;
+  const std::vector<float> map_depths = SampleDepth(
+      depth_map, positions, camera.Width(), camera.Height(), sampling);
+  std::vector<DepthCorrespondence> correspondences;
+  for (size_t i = 0; i < positions.size(); ++i) {
+    if (map_depths[i] <= 0) continue;
+    correspondences.push_back({positions[i].x() / camera.Width(),
+                               positions[i].y() / camera.Height(),
+                               map_depths[i],
+                               point_depths[i]});
+  }
+  return correspondences;
+}
+
+void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
+  size_t i = 0;
+  for (int y = 0; y < depth_map->height; ++y) {
+    for (int x = 0; x < depth_map->width; ++x, ++i) {
+      float& depth = depth_map->values[i];
+      if (depth <= 0) continue;
+      depth = static_cast<float>(alignment.Apply(
+          (x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height, depth));
+    }
+  }
+}
+
+std::string FileName(const std::string& image_name, DepthExportFormat format) {
+  switch (format) {
+    case DepthExportFormat::NPY:
+      return image_name + ".npy";
+    case DepthExportFormat::PNG:
+      return image_name + ".png";
+    case DepthExportFormat::EXR:
+      return image_name + ".exr";
+    case DepthExportFormat::DENSE_BIN:
+      return image_name + ".geometric.bin";
+    case DepthExportFormat::GAUSSIAN_SPLATTING:
+      break;
+  }
+  return fs::path(image_name).replace_extension(".png").generic_string();
+}
+
+void WriteSplattingPng(const std::string& path,
+                       const DepthMap& depth_map,
+                       double scale) {
+  std::vector<uint16_t> pixels;
+  pixels.reserve(depth_map.values.size());
+  for (const float depth : depth_map.values) {
+    const double pixel = std::clamp(
+        std::round(kSplattingSteps / (scale * depth)), 1.0, kMaxPixel);
+    pixels.push_back(depth > 0 ? static_cast<uint16_t>(pixel) : 0);
+  }
+  internal::WritePng16(path, depth_map.width, depth_map.height, pixels);
+}
+
+void WriteText(const fs::path& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file) throw std::runtime_error("cannot write " + path.string());
+}
+
+// An image to be exported, all that is decided before its map is read again.
+struct Job {
+  colmap::image_t image_id = colmap::kInvalidImageId;
+  std::string name;
+  const ModelImage* model_image = nullptr;
+  std::optional<DepthAlignment> alignment;
+  bool has_few_points = false;
+  double near_inverse_depth = 0;  // the quantile of the image
+};
+
+class Exporter {
+ public:
+  Exporter(const std::string& database_path,
+           const std::optional<std::string>& model_path,
+           const std::string& output_path,
+           const DepthExportOptions& options)
+      : database_path_(database_path),
+        output_path_(output_path),
+        options_(options) {
+    if (model_path) model_ = ReadModel(*model_path);
+  }
+
+  DepthExportSummary Run() {
+    std::vector<Job> jobs = FindJobs();
+    const bool is_for_splatting =
+        options_.format == DepthExportFormat::GAUSSIAN_SPLATTING;
+    if (model_ || is_for_splatting) {
+      ForEach("Aligning depth maps", &jobs, [&](Job* job, DepthMap map) {
+        Prepare(job, std::move(map));
+      });
+    }
+    const auto last =
+        std::stable_partition(jobs.begin(), jobs.end(), [](const Job& job) {
+          return !job.has_few_points;
+        });
+    for (auto job = last; job != jobs.end(); ++job) {
+      summary_.images_with_few_points.push_back(job->name);
+    }
+    jobs.erase(last, jobs.end());
+    for (const Job& job : jobs) {
+      splatting_scale_ = std::max(splatting_scale_, job.near_inverse_depth);
+    }
+    splatting_scale_ *= kSplattingSteps / kMaxPixel;
+    ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
+      Write(*job, std::move(map));
+    });
+    for (Job& job : jobs) {
+      summary_.exported.push_back({job.name,
+                                   FileName(job.name, options_.format),
+                                   std::move(job.alignment)});
+    }
+    if (is_for_splatting) WriteSplattingParameters();
+    if (model_) WriteAlignments();
+    return std::move(summary_);
+  }
+
+ private:
+  std::vector<Job> FindJobs() {
+    const Scene scene = ReadSceneWithoutMatches(database_path_);
+    const DepthDatabase database(database_path_,
+                                 DepthDatabase::Mode::READ_ONLY);
+    std::vector<Job> jobs;
+    bool is_any_map = false;
+    for (const auto& [image_id, image] : scene.images) {
+      if (!database.HasDepthMap(image_id)) {
+        summary_.images_without_map.push_back(image.Name());
+        continue;
+      }
+      is_any_map = true;
+      Job job = {image_id, image.Name()};
+      if (model_) {
+        const auto model_image = model_->images.find(image.Name());
+        if (model_image == model_->images.end()) {
+          summary_.images_without_model.push_back(image.Name());
+          continue;
+        }
+        job.model_image = &model_image->second;
+        if (model_->cameras.count(job.model_image->camera_id) == 0) {
+          throw std::runtime_error("image " + image.Name() +
+                                   " has no camera in the model");
+        }
+      }
+      jobs.push_back(std::move(job));
+    }
+    if (!is_any_map) {
+      throw std::runtime_error(database_path_ +
+                               " holds no depth map; run depth_importer "
+                               "without --keypoints_only");
+    }
+    if (jobs.empty()) {
+      throw std::runtime_error("no image of " + database_path_ +
+                               " with a depth map is in the model");
+    }
+    return jobs;
+  }
+
+  // Each item opens the database for itself: connections are not shared by
+  // threads.
+  template <typename Function>
+  void ForEach(const std::string& label,
+               std::vector<Job>* jobs,
+               const Function& function) const {
+    Progress progress(label, jobs->size());
+    ParallelFor(jobs->size(), options_.num_threads, [&](size_t i) {
+      Job& job = (*jobs)[i];
+      function(&job,
+               DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+                   .ReadDepthMap(job.image_id));
+      progress.Step();
+    });
+  }
+
+  void Prepare(Job* job, DepthMap depth_map) const {
+    if (model_) {
+      const colmap::Camera& camera =
+          model_->cameras.at(job->model_image->camera_id);
+      job->alignment = AlignDepth(
+          FindCorrespondences(*model_, *job->model_image, camera, depth_map),
+          static_cast<double>(camera.Width()) / camera.Height(),
+          options_.alignment);
+      job->has_few_points = !job->alignment.has_value();
+      if (job->has_few_points) return;
+      ApplyAlignment(*job->alignment, &depth_map);
+    }
+    std::vector<float> depths;
+    for (const float depth : depth_map.values) {
+      if (depth > 0) depths.push_back(depth);
+    }
+    if (depths.empty()) return;
+    const auto near =
+        depths.begin() +
+        static_cast<size_t>((1 - kInverseDepthQuantile) * (depths.size() - 1));
+    std::nth_element(depths.begin(), near, depths.end());
+    job->near_inverse_depth = 1 / *near;
+  }
+
+  void Write(const Job& job, DepthMap depth_map) const {
+    if (job.alignment) ApplyAlignment(*job.alignment, &depth_map);
+    const fs::path path =
+        fs::path(output_path_) / FileName(job.name, options_.format);
+    fs::create_directories(path.parent_path());
+    switch (options_.format) {
+      case DepthExportFormat::NPY:
+        WriteDepthNpy(path.string(), depth_map, NpyPrecision::SINGLE);
+        break;
+      case DepthExportFormat::PNG:
+        WriteDepthPng(path.string(), depth_map, options_.png_scale);
+        break;
+      case DepthExportFormat::EXR:
+        WriteDepthExr(path.string(), depth_map);
+        break;
+      case DepthExportFormat::DENSE_BIN:
+        WriteDepthDenseBin(path.string(), depth_map);
+        break;
+      case DepthExportFormat::GAUSSIAN_SPLATTING:
+        WriteSplattingPng(path.string(), depth_map, splatting_scale_);
+        break;
+    }
+  }
+
+  void WriteSplattingParameters() const {
+    nlohmann::ordered_json json = nlohmann::ordered_json::object();
+    for (const DepthExportSummary::Image& image : summary_.exported) {
+      const std::string key =
+          fs::path(image.name).replace_extension().generic_string();
+      json[key] = {{"scale", splatting_scale_}, {"offset", 0.0}};
+    }
+    WriteText(fs::path(output_path_) / "depth_params.json",
+              json.dump(2) + "\n");
+  }
+
+  void WriteAlignments() const {
+    nlohmann::ordered_json json = nlohmann::ordered_json::object();
+    for (const DepthExportSummary::Image& image : summary_.exported) {
+      json[image.name] = {{"scale", image.alignment->scale},
+                          {"shift", image.alignment->shift},
+                          {"has_field", !image.alignment->field.empty()},
+                          {"num_points", image.alignment->num_points},
+                          {"scale_residual", image.alignment->scale_residual},
+                          {"residual", image.alignment->residual}};
+    }
+    WriteText(fs::path(output_path_) / "alignment.json", json.dump(2) + "\n");
+  }
+
+  const std::string database_path_;
+  const std::string output_path_;
+  const DepthExportOptions& options_;
+  std::optional<Model> model_;
+  // Inverse depth that is one step beyond the largest pixel.
+  double splatting_scale_ = 0;
+  DepthExportSummary summary_;
+};
+
+}  // namespace
+
+bool DepthExportOptions::IsValid(std::string* error) const {
+  if (!(png_scale > 0 && std::isfinite(png_scale))) {
+    *error = "png_scale must be positive and finite";
+    return false;
+  }
+  return alignment.IsValid(error);
+}
+
+std::string DepthExportSummary::ToText() const {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(2);
+  std::vector<double> scale_residuals;
+  std::vector<double> residuals;
+  for (const Image& image : exported) {
+    text << image.name << ": " << image.file;
+    if (image.alignment) {
+      text << ", " << image.alignment->num_points << " points, scale "
+           << std::setprecision(4) << image.alignment->scale
+           << std::setprecision(2) << ", median error "
+           << 100 * image.alignment->scale_residual
+           << " % after the best scale, " << 100 * image.alignment->residual
+           << " % aligned";
+      scale_residuals.push_back(image.alignment->scale_residual);
+      residuals.push_back(image.alignment->residual);
+    }
+    text << "\n";
+  }
+  for (const std::string& name : images_without_map) {
+    text << "image without map: " << name << "\n";
+  }
+  for (const std::string& name : images_without_model) {
+    text << "image that is not in the model: " << name << "\n";
+  }
+  for (const std::string& name : images_with_few_points) {
+    text << "image with too few points: " << name << "\n";
+  }
+  text << "exported " << exported.size() << " depth maps";
+  if (!residuals.empty()) {
+    text << ", median error " << 100 * Median(scale_residuals)
+         << " % after the best scale, " << 100 * Median(residuals)
+         << " % aligned";
+  }
+  text << "\n";
+  return text.str();
+}
+
+DepthExportSummary ExportDepthMaps(const std::string& database_path,
+                                   const std::optional<std::string>& model_path,
+                                   const std::string& output_path,
+                                   const DepthExportOptions& options) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  fs::create_directories(output_path);
+  return Exporter(database_path, model_path, output_path, options).Run();
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,76 @@
+// `depth_exporter`: the depth maps of a database as files, as they were
+// imported or aligned to a model.
+
+#pragma once
+
+#include "colmap_ext/depth_map.h"
+#include "estimators/depth_alignment.h"
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+enum class DepthExportFormat {
+  NPY,        // a.jpg.npy, 32-bit floats
+  PNG,        // a.jpg.png, 16 bits, png_scale per step
+  EXR,        // a.jpg.exr, channel Z
+  DENSE_BIN,  // a.jpg.geometric.bin, as COLMAP's dense stereo has it
+  // a.png, 16 bits of inverse depth, and depth_params.json with the scale and
+  // offset to inverse depth, as 3D Gaussian splatting reads them: inverse depth
+  // = pixel / 65536 * scale + offset, 0 unknown. One scale for all images,
+  // because it distrusts images whose scale is far from the others'.
+  GAUSSIAN_SPLATTING,
+};
+
+struct DepthExportOptions {
+  DepthExportFormat format = DepthExportFormat::NPY;
+  DepthAlignmentOptions alignment;
+  // Depth per step of a PNG [unit of depth].
+  double png_scale = 0.001;
+  // One per core if not positive.
+  int num_threads = -1;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct DepthExportSummary {
+  struct Image {
+    std::string name;
+    std::string file;
+    // Without a model, none.
+    std::optional<DepthAlignment> alignment;
+  };
+
+  // In the order of image ids.
+  std::vector<Image> exported;
+  // Those without a depth map in the database, not in the model, or with too
+  // few points in it.
+  std::vector<std::string> images_without_map;
+  std::vector<std::string> images_without_model;
+  std::vector<std::string> images_with_few_points;
+
+  // One line per image, the last one with medians over the images.
+  std::string ToText() const;
+};
+
+// Writes the maps of all images that have one below output_path, with the
+// sub-folders of the images. With a model (folder, or folder of several, of
+// which the largest is taken), the maps are in its unit and fitted to its
+// points (see AlignDepth); alignment.json in output_path has scale, shift,
+// residuals and number of points of each image.
+//
+// Maps are of their own size and cover the image as it is in the database:
+// dense stereo and splatting expect undistorted images.
+//
+// Throws std::runtime_error naming file or image if something cannot be read or
+// written, if the database holds no map (key points only, say), or if none of
+// its images is in the model.
+DepthExportSummary ExportDepthMaps(const std::string& database_path,
+                                   const std::optional<std::string>& model_path,
+                                   const std::string& output_path,
+                                   const DepthExportOptions& options);
+
+}  // namespace dgsfm

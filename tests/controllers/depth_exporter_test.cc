@@ -1,0 +1,200 @@
+#include "controllers/depth_exporter.h"
+
+#include "colmap_ext/depth_database.h"
+#include "colmap_ext/depth_map_io.h"
+#include "controllers/commands.h"
+#include "tests/controllers/run_command.h"
+#include "tests/testing/colmap_database.h"
+#include "tests/testing/test_dir.h"
+
+#include <colmap/base/reconstruction.h>
+
+#include <filesystem>
+#include <stdexcept>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr int kNumPoints = 40;
+
+// Image sub/a.jpg sees points of depths 2 to 6 which its map has too small by a
+// factor of 4; b.jpg sees three points; c.jpg is not in the model; d.jpg has no
+// map.
+class DepthExporterTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    dir_ = CreateTestDir();
+    database_path_ = dir_ + "/database.db";
+    {
+      ColmapDatabaseWriter writer(database_path_, ColmapSchema::V4_2);
+      writer.AddCamera(1, 640, 480, {500, 500, 320, 240});
+      for (const char* name : {"sub/a.jpg", "b.jpg", "c.jpg", "d.jpg"}) {
+        writer.AddImage(name, 1, {{320, 240}});
+      }
+    }
+    DepthDatabase database(database_path_, DepthDatabase::Mode::READ_WRITE);
+    for (const colmap::image_t image_id : {1, 2, 3}) {
+      database.WriteDepthMap(
+          image_id, CreateMap(), {DepthUnit::METRIC, {0.5f}});
+    }
+    WriteModel();
+  }
+
+  // Columns of depth 0.5 to 1.5, the last row unknown.
+  static DepthMap CreateMap() {
+    DepthMap map = {64, 48, DepthUnit::METRIC, {}};
+    for (int y = 0; y < 48; ++y) {
+      for (int x = 0; x < 64; ++x) {
+        map.values.push_back(y == 47 ? 0 : 0.5f + x / 64.0f);
+      }
+    }
+    return map;
+  }
+
+  void WriteModel() const {
+    colmap::Reconstruction model;
+    colmap::Camera camera;
+    camera.SetCameraId(1);
+    camera.InitializeWithName("SIMPLE_PINHOLE", 500, 640, 480);
+    model.AddCamera(camera);
+    for (const colmap::image_t image_id : {1, 2}) {
+      colmap::Image image;
+      image.SetImageId(image_id);
+      image.SetCameraId(1);
+      image.SetName(image_id == 1 ? "sub/a.jpg" : "b.jpg");
+      image.SetQvec(Eigen::Vector4d(1, 0, 0, 0));
+      image.SetTvec(Eigen::Vector3d(0, 0, 0));
+      std::vector<Eigen::Vector2d> points2D;
+      for (int i = 0; i < kNumPoints; ++i) {
+        // At the centres of columns of the map.
+        points2D.emplace_back(10 * (i + 10) + 5, 11 * i + 10);
+      }
+      image.SetPoints2D(points2D);
+      model.AddImage(image);
+      model.RegisterImage(image_id);
+    }
+    for (int i = 0; i < kNumPoints; ++i) {
+      const Eigen::Vector2d xy = model.Image(1).Point2D(i).XY();
+      const double depth = 4 * (0.5 + (i + 10) / 64.0);
+      colmap::Track track;
+      track.AddElement(1, i);
+      if (i < 3) track.AddElement(2, i);
+      model.AddPoint3D(
+          depth *
+              Eigen::Vector3d((xy.x() - 320) / 500, (xy.y() - 240) / 500, 1),
+          track);
+    }
+    fs::create_directories(dir_ + "/model");
+    model.Write(dir_ + "/model");
+  }
+
+  DepthMap ReadExported(const std::string& name) const {
+    colmap::Camera camera;
+    camera.InitializeWithName("SIMPLE_PINHOLE", 500, 640, 480);
+    return ReadDepthMap(dir_ + "/out/" + name, camera, {});
+  }
+
+  std::string dir_;
+  std::string database_path_;
+};
+
+TEST_F(DepthExporterTest, GivesRawMapsBack) {
+  for (const auto& [format, name] :
+       std::vector<std::pair<DepthExportFormat, std::string>>{
+           {DepthExportFormat::NPY, "sub/a.jpg.npy"},
+           {DepthExportFormat::EXR, "sub/a.jpg.exr"},
+           {DepthExportFormat::DENSE_BIN, "sub/a.jpg.geometric.bin"}}) {
+    DepthExportOptions options;
+    options.format = format;
+    const DepthExportSummary summary =
+        ExportDepthMaps(database_path_, std::nullopt, dir_ + "/out", options);
+    EXPECT_EQ(summary.exported.size(), 3);
+    EXPECT_THAT(summary.images_without_map, ElementsAre("d.jpg"));
+    EXPECT_EQ(ReadExported(name).values, CreateMap().values);
+  }
+}
+
+TEST_F(DepthExporterTest, AlignsMapsToTheModel) {
+  const DepthExportSummary summary =
+      ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", {});
+  ASSERT_EQ(summary.exported.size(), 1);
+  EXPECT_EQ(summary.exported[0].alignment->num_points, kNumPoints);
+  EXPECT_THAT(summary.images_with_few_points, ElementsAre("b.jpg"));
+  EXPECT_THAT(summary.images_without_model, ElementsAre("c.jpg"));
+  const DepthMap map = ReadExported("sub/a.jpg.npy");
+  for (size_t i = 0; i < map.values.size(); ++i) {
+    // Half floats and single precision.
+    EXPECT_NEAR(map.values[i], 4 * CreateMap().values[i], 1e-3);
+  }
+  EXPECT_THAT(FileContent(dir_ + "/out/alignment.json"),
+              HasSubstr("\"num_points\": 40"));
+}
+
+TEST_F(DepthExporterTest, SplattingGetsOneScaleForAllImages) {
+  DepthExportOptions options;
+  options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
+  ExportDepthMaps(database_path_, std::nullopt, dir_ + "/out", options);
+  EXPECT_TRUE(fs::exists(dir_ + "/out/sub/a.png"));
+  const std::string json = FileContent(dir_ + "/out/depth_params.json");
+  EXPECT_THAT(json, HasSubstr("\"sub/a\""));
+  EXPECT_THAT(json, HasSubstr("\"b\""));
+  EXPECT_THAT(json, HasSubstr("\"offset\": 0.0"));
+}
+
+TEST_F(DepthExporterTest, SaysWhatIsMissing) {
+  const auto message = [&](const std::string& database_path,
+                           const std::string& model_path) -> std::string {
+    try {
+      ExportDepthMaps(database_path, model_path, dir_ + "/out", {});
+      return "";
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+  };
+  EXPECT_THAT(message(database_path_, dir_ + "/missing"),
+              HasSubstr("does not exist"));
+  DepthDatabase(database_path_, DepthDatabase::Mode::READ_WRITE)
+      .WriteKeypointDepths(1, {DepthUnit::METRIC, {1}});
+  DepthDatabase(database_path_, DepthDatabase::Mode::READ_WRITE)
+      .WriteKeypointDepths(2, {DepthUnit::METRIC, {1}});
+  EXPECT_THAT(message(database_path_, dir_ + "/model"),
+              HasSubstr("with a depth map is in the model"));
+  DepthDatabase(database_path_, DepthDatabase::Mode::READ_WRITE)
+      .WriteKeypointDepths(3, {DepthUnit::METRIC, {1}});
+  EXPECT_THAT(message(database_path_, dir_ + "/model"),
+              HasSubstr("run depth_importer without --keypoints_only"));
+}
+
+TEST_F(DepthExporterTest, CommandReportsUsageAndResult) {
+  EXPECT_EQ(RunForTest(RunDepthExporter, {"--database_path", "a"}).code, 2);
+  EXPECT_EQ(RunForTest(RunDepthExporter,
+                       {"--database_path",
+                        database_path_,
+                        "--output_path",
+                        dir_ + "/out",
+                        "--format",
+                        "jpg"})
+                .code,
+            2);
+  const CommandResult result = RunForTest(RunDepthExporter,
+                                          {"--database_path",
+                                           database_path_,
+                                           "--input_path",
+                                           dir_ + "/model",
+                                           "--output_path",
+                                           dir_ + "/out"});
+  EXPECT_EQ(result.code, 0);
+  EXPECT_THAT(result.out,
+              HasSubstr("sub/a.jpg: sub/a.jpg.npy, 40 points, scale 4.0000"));
+  EXPECT_THAT(result.out, HasSubstr("image with too few points: b.jpg"));
+}
+
+}  // namespace
+}  // namespace dgsfm

@@ -1,0 +1,12 @@
+# One test for each cell of the table in docs/depth_formats.md: a file written
+# by a real tool and read by this program, or the other way round. Skipped where
+# DGSFM_PYTHON has not the tool.
+
+set(CLIENTS ${CMAKE_CURRENT_LIST_DIR}/depth_clients.py)
+file(STRINGS ${CLIENTS} CELLS REGEX "^    def test_")
+foreach(CELL ${CELLS})
+  string(REGEX REPLACE "^    def test_([a-z0-9_]+).*" "\\1" CELL ${CELL})
+  dgsfm_add_script_test(DepthClients.${CELL}
+    ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+    ${DGSFM_PYTHON} -B ${CLIENTS} DepthClients.test_${CELL})
+endforeach()
