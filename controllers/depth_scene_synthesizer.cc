@@ -193,6 +193,10 @@ void BindSceneOptions(SyntheticSceneOptions* scene, CommandOptions* options) {
   options->Add("num_cameras",
                &camera.num_cameras,
                "cameras that the images share in turn; 0 is one per image");
+  options->Add("num_distinct_cameras",
+               &camera.num_distinct_cameras,
+               "cameras that differ, the others are copies of them in turn; 0 "
+               "is all");
   options->Add("max_log_focal_offset",
                &camera.max_log_focal_offset,
                "each camera's log focal length differs by up to this [1]");
@@ -205,6 +209,13 @@ void BindSceneOptions(SyntheticSceneOptions* scene, CommandOptions* options) {
   options->Add("portrait_ratio",
                &camera.portrait_ratio,
                "share of cameras in portrait format, in [0, 1]");
+  options->Add("crop_ratio",
+               &camera.crop_ratio,
+               "share of cameras whose images are crops, in [0, 1] ...");
+  options->Add("max_crop_offset",
+               &camera.max_crop_offset,
+               "... with a principal point off the centre by up to this "
+               "[width, height]");
 }
 
 void BindDepthOptions(DepthNoiseOptions* noise_options,

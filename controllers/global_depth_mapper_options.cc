@@ -66,19 +66,19 @@ void BindBundleAdjustment(ModelRefinementOptions* options,
            &adjustment.loss_scale_px,
            "residual from which the soft L1 loss grows linearly [px]")
       .Add("ba_refine_focal_length",
-           &adjustment.refine_focal_length,
+           &adjustment.intrinsics.refine_focal_length,
            "refine focal lengths")
       .Add("ba_refine_extra_params",
-           &adjustment.refine_extra_params,
+           &adjustment.intrinsics.refine_extra_params,
            "refine distortion")
       .Add("ba_refine_principal_point",
            &options->refine_principal_point,
            "refine principal points once the model is complete")
       .Add("ba_principal_point_stddev",
-           &adjustment.principal_point_stddev_ratio,
+           &adjustment.intrinsics.principal_point_stddev_ratio,
            "prior of the principal point [larger image side]")
       .Add("ba_extra_params_stddev",
-           &adjustment.extra_params_stddev,
+           &adjustment.intrinsics.extra_params_stddev,
            "prior of distortion parameters [1]");
 }
 
@@ -137,6 +137,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("global_positioning", &options->skip_global_positioning);
   skip("bundle_adjustment", &options->skip_bundle_adjustment);
   skip("retriangulation", &options->skip_retriangulation);
+  skip("camera_grouping", &options->skip_camera_grouping);
 }
 
 }  // namespace
@@ -178,6 +179,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.refinement.refine_principal_point = false;
   mapper.skip_reverification = true;
   mapper.skip_retriangulation = true;
+  mapper.skip_camera_grouping = true;
 }
 
 bool RequestsPaperPreset(int argc, char** argv) {

@@ -8,11 +8,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <list>
 #include <map>
 #include <unordered_map>
 #include <vector>
 
-#include <ceres/normal_prior.h>
 #include <ceres/problem.h>
 #include <glog/logging.h>
 
@@ -30,9 +30,11 @@ class ModelBundle {
  public:
   ModelBundle(const BundleAdjustmentOptions& options,
               const CameraMap& prior_cameras,
+              const std::vector<CameraGroup>& groups,
               colmap::Reconstruction* model)
       : options_(options),
         prior_cameras_(prior_cameras),
+        groups_(groups),
         model_(model),
         point_ids_(SortedPoints(*model)) {
     for (size_t i = 0; i < point_ids_.size(); ++i) {
@@ -45,6 +47,7 @@ class ModelBundle {
     for (size_t i = 0; i < camera_ids_.size(); ++i) {
       RefineCamera(num_observations_[i], i);
     }
+    for (const CameraGroup& group : groups_) TieCameras(group);
   }
 
   // Holds the pose of an image and one coordinate of another.
@@ -92,15 +95,8 @@ class ModelBundle {
   void AddImage(colmap::image_t image_id) {
     const colmap::Image& image = model_->Image(image_id);
     if (image.NumPoints3D() == 0) return;
-    const colmap::Camera& camera = model_->Camera(image.CameraId());
-    const auto [it, is_new] =
-        camera_indices_.emplace(image.CameraId(), int(bundle_.cameras.size()));
-    if (is_new) {
-      camera_ids_.push_back(image.CameraId());
-      num_observations_.push_back(0);
-      bundle_.cameras.push_back({camera.ModelId(), camera.Params(), {}});
-    }
-    num_observations_[it->second] += image.NumPoints3D();
+    const int camera_index = IndexOfCamera(image.CameraId());
+    num_observations_[camera_index] += image.NumPoints3D();
     for (const colmap::Point2D& point2D : image.Points2D()) {
       if (!point2D.HasPoint3D()) continue;
       bundle_.observations.push_back({int(image_ids_.size()),
@@ -108,42 +104,58 @@ class ModelBundle {
                                       point2D.XY()});
     }
     image_ids_.push_back(image_id);
-    bundle_.images.push_back({CamFromWorld(image), it->second, {}});
+    bundle_.images.push_back({CamFromWorld(image), camera_index, {}});
+  }
+
+  // Cameras of a rigid group have one index.
+  int IndexOfCamera(colmap::camera_t camera_id) {
+    const auto [it, is_new] =
+        camera_indices_.emplace(camera_id, int(bundle_.cameras.size()));
+    if (!is_new) return it->second;
+    const colmap::Camera& camera = model_->Camera(camera_id);
+    BundleCamera bundle_camera = {camera.ModelId(), camera.Params(), {}};
+    for (const CameraGroup& group : groups_) {
+      if (!group.IsRigid() || !group.Contains(camera_id)) continue;
+      bundle_camera.params = MeanParams(group, *model_);
+      for (const colmap::camera_t member : group.camera_ids) {
+        camera_indices_[member] = it->second;
+      }
+    }
+    camera_ids_.push_back(camera_id);
+    num_observations_.push_back(0);
+    bundle_.cameras.push_back(bundle_camera);
+    return it->second;
   }
 
   void RefineCamera(size_t num_observations, size_t index) {
-    const colmap::Camera& camera = model_->Camera(camera_ids_[index]);
     if (num_observations < kMinNumObservationsPerCamera) return;
-    std::vector<int>& refined = bundle_.cameras[index].refined_params;
-    const auto refine = [&](const std::vector<size_t>& idxs) {
-      refined.insert(refined.end(), idxs.begin(), idxs.end());
-    };
-    if (options_.refine_focal_length) refine(camera.FocalLengthIdxs());
-    if (options_.refine_principal_point && !camera.HasPriorFocalLength()) {
-      refine(camera.PrincipalPointIdxs());
-      AddPrior(camera.PrincipalPointIdxs(),
-               options_.principal_point_stddev_ratio *
-                   double(std::max(camera.Width(), camera.Height())),
-               index);
+    const colmap::Camera& prior = prior_cameras_.at(camera_ids_[index]);
+    const Eigen::VectorXd stddevs = PriorStddevs(options_.intrinsics, prior);
+    BundleCamera& camera = bundle_.cameras[index];
+    for (int i = 0; i < stddevs.size(); ++i) {
+      if (stddevs(i) > 0) camera.refined_params.push_back(i);
     }
-    if (options_.refine_extra_params) {
-      refine(camera.ExtraParamsIdxs());
-      AddPrior(camera.ExtraParamsIdxs(), options_.extra_params_stddev, index);
-    }
+    if (camera.refined_params.empty()) return;
+    AddIntrinsicsPrior(prior.Params(),
+                       stddevs / options_.intrinsics.keypoint_stddev_px,
+                       camera.params.data(),
+                       &camera_terms_);
   }
 
-  // Normal prior about the database's values, in the unit of the image errors.
-  void AddPrior(const std::vector<size_t>& idxs, double stddev, size_t index) {
-    if (idxs.empty()) return;
-    std::vector<double>& params = bundle_.cameras[index].params;
-    ceres::Matrix A = ceres::Matrix::Zero(idxs.size(), params.size());
-    for (size_t i = 0; i < idxs.size(); ++i) {
-      A(i, idxs[i]) = options_.keypoint_stddev_px / stddev;
+  // The mean of a group that is not rigid is a parameter block of its own.
+  void TieCameras(const CameraGroup& group) {
+    if (group.IsRigid()) return;
+    group_means_.push_back(MeanParams(group, *model_));
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      const auto it = camera_indices_.find(camera_id);
+      if (it == camera_indices_.end()) continue;
+      BundleCamera& camera = bundle_.cameras[it->second];
+      if (camera.refined_params.empty()) continue;
+      AddIntrinsicsTie(group.stddevs / options_.intrinsics.keypoint_stddev_px,
+                       camera.params.data(),
+                       group_means_.back().data(),
+                       &camera_terms_);
     }
-    const ceres::Vector mean = Eigen::Map<const Eigen::VectorXd>(
-        prior_cameras_.at(camera_ids_[index]).ParamsData(), params.size());
-    camera_terms_.AddResidualBlock(
-        new ceres::NormalPrior(A, mean), nullptr, params.data());
   }
 
   void WriteBack() {
@@ -151,8 +163,9 @@ class ModelBundle {
       SetCamFromWorld(bundle_.images[i].cam_from_world,
                       &model_->Image(image_ids_[i]));
     }
-    for (size_t i = 0; i < camera_ids_.size(); ++i) {
-      model_->Camera(camera_ids_[i]).SetParams(bundle_.cameras[i].params);
+    for (const auto& [camera_id, index] : camera_indices_) {
+      if (!model_->ExistsCamera(camera_id)) continue;
+      model_->Camera(camera_id).SetParams(bundle_.cameras[index].params);
     }
     for (size_t i = 0; i < point_ids_.size(); ++i) {
       model_->Point3D(point_ids_[i]).SetXYZ(bundle_.points[i]);
@@ -161,6 +174,7 @@ class ModelBundle {
 
   const BundleAdjustmentOptions& options_;
   const CameraMap& prior_cameras_;
+  const std::vector<CameraGroup>& groups_;
   colmap::Reconstruction* model_;
   // By their index in the bundle.
   std::vector<colmap::image_t> image_ids_;
@@ -170,6 +184,8 @@ class ModelBundle {
   std::unordered_map<colmap::point3D_t, int> point_indices_;
   std::vector<size_t> num_observations_;
   Bundle bundle_;
+  // Of the groups that are not rigid; a list, so that blocks stay in place.
+  std::list<std::vector<double>> group_means_;
   // Terms of the `params` of the cameras of the bundle.
   ceres::Problem camera_terms_;
 };
@@ -189,27 +205,17 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
                      "loss_scale_px must be > 0",
                      loss_scale_px,
                      error) &&
-         CheckOption(principal_point_stddev_ratio > 0,
-                     "principal_point_stddev_ratio must be > 0",
-                     principal_point_stddev_ratio,
-                     error) &&
-         CheckOption(extra_params_stddev > 0,
-                     "extra_params_stddev must be > 0",
-                     extra_params_stddev,
-                     error) &&
-         CheckOption(keypoint_stddev_px > 0,
-                     "keypoint_stddev_px must be > 0",
-                     keypoint_stddev_px,
-                     error);
+         intrinsics.IsValid(error);
 }
 
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
                                    const CameraMap& prior_cameras,
+                                   const std::vector<CameraGroup>& groups,
                                    colmap::Reconstruction* model) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  ModelBundle bundle(options, prior_cameras, model);
+  ModelBundle bundle(options, prior_cameras, groups, model);
   bundle.FixGauge(fixed_image);
   return bundle.Solve(num_threads);
 }

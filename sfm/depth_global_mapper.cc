@@ -38,7 +38,7 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
 bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
   if (!view_graph.IsValid(error) || !view_graph_calibration.IsValid(error) ||
       !averaging.IsValid(error) || !tracks.IsValid(error) ||
-      !refinement.IsValid(error)) {
+      !refinement.IsValid(error) || !camera_grouping.IsValid(error)) {
     return false;
   }
   return CheckOption(min_model_size >= 2,
@@ -313,11 +313,14 @@ bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
 }
 
 std::optional<double> DepthGlobalMapper::AdjustModelBundle(
-    const BundleAdjustmentOptions& options, colmap::Reconstruction* model) {
+    const BundleAdjustmentOptions& options,
+    const std::vector<CameraGroup>& groups,
+    colmap::Reconstruction* model) {
   return AdjustBundle(options,
                       options_.num_threads,
                       AnchorImage(*model),
                       prior_cameras_,
+                      groups,
                       model);
 }
 
@@ -327,7 +330,7 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
     const std::optional<double> rms =
-        AdjustModelBundle(options_.refinement.bundle_adjustment, model);
+        AdjustModelBundle(options_.refinement.bundle_adjustment, {}, model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options_.refinement, num_rounds - round, model);
@@ -342,6 +345,7 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
 
 void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
                                            colmap::Reconstruction* model) {
+  std::vector<CameraGroup> groups;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     colmap::CorrespondenceGraph graph;
@@ -353,9 +357,10 @@ void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
                              &graph);
     const size_t num_gained = Retriangulate(options_.refinement, graph, model);
     BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
-    adjustment.refine_principal_point =
+    adjustment.intrinsics.refine_principal_point =
         options_.refinement.refine_principal_point;
-    const std::optional<double> rms = AdjustModelBundle(adjustment, model);
+    const std::optional<double> rms =
+        AdjustModelBundle(adjustment, groups, model);
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
     timer.Add("observations_gained", double(num_gained))
@@ -364,11 +369,34 @@ void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
         .Add("points", double(model->NumPoints3D()));
     timer.Finish(&result_.stages);
     const double num_observations = double(model->ComputeNumObservations());
-    if (double(num_gained + num_filtered) <
-        kMinFilteredShare * num_observations) {
+    if (round == 0 && !options_.skip_camera_grouping) {
+      groups = GroupCamerasOf(adjustment, *model);
+    }
+    if (groups.empty() && double(num_gained + num_filtered) <
+                              kMinFilteredShare * num_observations) {
       break;
     }
   }
+}
+
+std::vector<CameraGroup> DepthGlobalMapper::GroupCamerasOf(
+    const BundleAdjustmentOptions& adjustment,
+    const colmap::Reconstruction& model) {
+  StageTimer timer("camera_grouping");
+  const std::optional<IntrinsicsPosterior> posterior =
+      EstimateIntrinsicsPosterior(adjustment, prior_cameras_, {}, model);
+  std::vector<CameraGroup> groups;
+  if (posterior) {
+    groups = FindCameraGroups(options_.camera_grouping, *posterior, model);
+  }
+  size_t num_cameras = 0;
+  for (const CameraGroup& group : groups) {
+    num_cameras += group.camera_ids.size();
+  }
+  timer.Add("groups", double(groups.size()))
+      .Add("cameras", double(num_cameras));
+  timer.Finish(&result_.stages);
+  return groups;
 }
 
 void DepthGlobalMapper::FinishModel(colmap::Reconstruction* model) {

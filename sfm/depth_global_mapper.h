@@ -4,6 +4,7 @@
 #pragma once
 
 #include "sfm/camera_calibration.h"
+#include "sfm/camera_groups.h"
 #include "sfm/component_averaging.h"
 #include "sfm/model_refinement.h"
 #include "sfm/position_initialization.h"
@@ -29,6 +30,7 @@ struct DepthGlobalMapperOptions {
   TrackOptions tracks;
   PositionInitializationOptions position_initialization;
   ModelRefinementOptions refinement;
+  CameraGroupingOptions camera_grouping;
 
   // Components and models with fewer images are left out.
   int min_model_size = 3;
@@ -53,6 +55,9 @@ struct DepthGlobalMapperOptions {
   bool skip_bundle_adjustment = false;
   // Completion of tracks after bundle adjustment, not in the paper either.
   bool skip_retriangulation = false;
+  // One set of intrinsics for cameras that turn out to be the same in the last
+  // adjustment, which the paper does not have.
+  bool skip_camera_grouping = false;
 
   bool IsValid(std::string* error) const;
 };
@@ -106,10 +111,15 @@ class DepthGlobalMapper {
       const std::vector<Eigen::Quaterniond>& cam_from_world_rotations);
   bool PositionModel(colmap::Reconstruction* model);
   std::optional<double> AdjustModelBundle(
-      const BundleAdjustmentOptions& options, colmap::Reconstruction* model);
+      const BundleAdjustmentOptions& options,
+      const std::vector<CameraGroup>& groups,
+      colmap::Reconstruction* model);
   bool AdjustModel(colmap::Reconstruction* model);
   void RetriangulateModel(const PairGeometries& pairs,
                           colmap::Reconstruction* model);
+  std::vector<CameraGroup> GroupCamerasOf(
+      const BundleAdjustmentOptions& adjustment,
+      const colmap::Reconstruction& model);
   void FinishModel(colmap::Reconstruction* model);
   void ExplainMissingImages(const PairGeometries& pairs);
 

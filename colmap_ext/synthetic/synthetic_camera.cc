@@ -16,6 +16,54 @@ namespace {
 
 constexpr uint32_t kFocalPurpose = 200;
 constexpr uint32_t kShapePurpose = 201;
+constexpr uint32_t kCropPurpose = 202;
+
+colmap::Camera DrawCamera(const SyntheticCameraOptions& options,
+                          RandomStream* focal_random,
+                          RandomStream* shape_random) {
+  const auto draw_factor = [](RandomStream* random, double max_log_offset) {
+    return std::exp(max_log_offset * random->Uniform(-1, 1));
+  };
+  double width =
+      std::round(options.width_px *
+                 draw_factor(shape_random, options.max_log_size_offset));
+  double height =
+      std::round(options.height_px *
+                 draw_factor(shape_random, options.max_log_size_offset));
+  const double size_factor =
+      std::sqrt(width * height / options.width_px / options.height_px);
+  const double distortion =
+      options.radial_distortion +
+      options.max_distortion_offset * shape_random->Uniform(-1, 1);
+  if (shape_random->Uniform() < options.portrait_ratio) {
+    std::swap(width, height);
+  }
+  colmap::Camera camera;
+  camera.InitializeWithName(
+      options.model_name,
+      options.focal_length_px * size_factor *
+          draw_factor(focal_random, options.max_log_focal_offset),
+      static_cast<size_t>(width),
+      static_cast<size_t>(height));
+  camera.SetPriorFocalLength(true);
+  if (!camera.ExtraParamsIdxs().empty()) {
+    camera.Params(camera.ExtraParamsIdxs()[0]) = distortion;
+  }
+  return camera;
+}
+
+void CropOffCenter(const SyntheticCameraOptions& options,
+                   RandomStream* random,
+                   colmap::Camera* camera) {
+  const bool is_crop = random->Uniform() < options.crop_ratio;
+  const double x = options.max_crop_offset * random->Uniform(-1, 1);
+  const double y = options.max_crop_offset * random->Uniform(-1, 1);
+  if (!is_crop) return;
+  camera->SetPrincipalPointX(camera->PrincipalPointX() +
+                             x * double(camera->Width()));
+  camera->SetPrincipalPointY(camera->PrincipalPointY() +
+                             y * double(camera->Height()));
+}
 
 }  // namespace
 
@@ -42,6 +90,9 @@ bool SyntheticCameraOptions::IsValid(std::string* error) const {
   } else if (num_cameras < 0) {
     *error = "num_cameras = " + std::to_string(num_cameras) +
              " must not be negative";
+  } else if (num_distinct_cameras < 0) {
+    *error = "num_distinct_cameras = " + std::to_string(num_distinct_cameras) +
+             " must not be negative";
   } else if (!(max_log_focal_offset >= 0 && max_log_focal_offset <= 1)) {
     *error = "max_log_focal_offset = " + std::to_string(max_log_focal_offset) +
              " must be in [0, 1]";
@@ -51,6 +102,12 @@ bool SyntheticCameraOptions::IsValid(std::string* error) const {
   } else if (!(portrait_ratio >= 0 && portrait_ratio <= 1)) {
     *error = "portrait_ratio = " + std::to_string(portrait_ratio) +
              " must be in [0, 1]";
+  } else if (!(crop_ratio >= 0 && crop_ratio <= 1)) {
+    *error =
+        "crop_ratio = " + std::to_string(crop_ratio) + " must be in [0, 1]";
+  } else if (!(max_crop_offset >= 0 && max_crop_offset <= 0.5)) {
+    *error = "max_crop_offset = " + std::to_string(max_crop_offset) +
+             " must be in [0, 0.5]";
   } else {
     return true;
   }
@@ -67,38 +124,16 @@ std::map<colmap::camera_t, colmap::Camera> SynthesizeCameras(
       options.num_cameras > 0 ? options.num_cameras : num_images;
   RandomStream focal_random(random_seed, kFocalPurpose);
   RandomStream shape_random(random_seed, kShapePurpose);
+  RandomStream crop_random(random_seed, kCropPurpose);
   std::map<colmap::camera_t, colmap::Camera> cameras;
   for (int i = 1; i <= num_cameras; ++i) {
-    const auto draw_factor = [](RandomStream* random, double max_log_offset) {
-      return std::exp(max_log_offset * random->Uniform(-1, 1));
-    };
-    double width =
-        std::round(options.width_px *
-                   draw_factor(&shape_random, options.max_log_size_offset));
-    double height =
-        std::round(options.height_px *
-                   draw_factor(&shape_random, options.max_log_size_offset));
-    const double size_factor =
-        std::sqrt(width * height / options.width_px / options.height_px);
-    const double distortion =
-        options.radial_distortion +
-        options.max_distortion_offset * shape_random.Uniform(-1, 1);
-    if (shape_random.Uniform() < options.portrait_ratio) {
-      std::swap(width, height);
+    if (options.num_distinct_cameras > 0 && i > options.num_distinct_cameras) {
+      cameras[i] = cameras.at(i - options.num_distinct_cameras);
+    } else {
+      cameras[i] = DrawCamera(options, &focal_random, &shape_random);
+      CropOffCenter(options, &crop_random, &cameras[i]);
     }
-    colmap::Camera camera;
-    camera.InitializeWithName(
-        options.model_name,
-        options.focal_length_px * size_factor *
-            draw_factor(&focal_random, options.max_log_focal_offset),
-        static_cast<size_t>(width),
-        static_cast<size_t>(height));
-    camera.SetCameraId(i);
-    camera.SetPriorFocalLength(true);
-    if (!camera.ExtraParamsIdxs().empty()) {
-      camera.Params(camera.ExtraParamsIdxs()[0]) = distortion;
-    }
-    cameras.emplace(i, camera);
+    cameras[i].SetCameraId(i);
   }
   return cameras;
 }

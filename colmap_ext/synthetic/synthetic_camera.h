@@ -27,6 +27,9 @@ struct SyntheticCameraOptions {
   double radial_distortion = 0;
   // Images are divided evenly among the cameras in turn; 0 is one per image.
   int num_cameras = 1;
+  // Cameras that differ; the others are copies of these in turn, as databases
+  // with one camera per image have them. 0 is all.
+  int num_distinct_cameras = 0;
   // Each camera's log focal length differs by up to this [1], on top of what
   // its size makes.
   double max_log_focal_offset = 0;
@@ -37,6 +40,10 @@ struct SyntheticCameraOptions {
   double max_distortion_offset = 0;
   // Share of cameras, in [0, 1], turned to portrait format.
   double portrait_ratio = 0;
+  // Share of cameras, in [0, 1], whose images are crops ...
+  double crop_ratio = 0;
+  // ... with a principal point off the centre by up to this [width, height].
+  double max_crop_offset = 0.2;
 
   bool IsValid(std::string* error) const;
 };

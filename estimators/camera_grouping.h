@@ -1,0 +1,75 @@
+// Which of several self-calibrated cameras are one and the same.
+
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+struct CameraGroupingOptions {
+  // Variance of the estimates over what independent image errors explain [1],
+  // at most: errors of one image have causes in common. On real photos of one
+  // camera it is 6 to 10, with independent errors 1.
+  double max_variance_factor = 10;
+  // Spread of log focal lengths of cameras that have nothing to do with each
+  // other [1].
+  double log_focal_stddev = 0.5;
+  // Spread of log focal lengths of one camera, by focusing and by errors that
+  // neighbouring images have in common [1].
+  double min_log_focal_stddev = 0.005;
+  // Odds, before their estimates are seen, that two cameras are the same [1].
+  double prior_odds = 0.05;
+  // Odds a group needs after that [1].
+  double min_odds = 20;
+  // Probability that a camera is taken from its group by mistake [1].
+  double significance = 1e-3;
+  // Probability that the spread of a parameter that does not differ is taken
+  // for one [1].
+  double spread_significance = 1e-2;
+
+  bool IsValid(std::string* error) const;
+};
+
+// Estimated parameters of cameras of one model and image size.
+struct CameraEstimates {
+  int num_params_per_camera = 0;
+  // Of one camera after the other, the logarithm of the focal length first.
+  Eigen::VectorXd params;
+  Eigen::MatrixXd covariance;
+};
+
+struct SameCameras {
+  // By index, ascending, at least two.
+  std::vector<int> cameras;
+  // Spread of each parameter about the group's mean, beyond that of errors:
+  // zero for the same.
+  Eigen::VectorXd stddevs;
+  // That the focal length is the same, apart from that spread.
+  double log_odds = 0;
+  // Variance of the estimates over what independent image errors explain.
+  double variance_factor = 1;
+};
+
+// Disjoint groups of cameras that are the same or close to it.
+//
+// Neighbours in log focal length are joined, the likeliest first, while that is
+// likelier than not: the Bayes factor of one focal length against two
+// independent ones,
+//   N(d; 0, v_1 + v_2) / N(d; 0, v_1 + v_2 + 2 log_focal_stddev^2),
+// times prior_odds, d the difference of the means of two clusters and v their
+// variances, which do not shrink with their size. First with
+// max_variance_factor; then with the factor that the spread of the other
+// parameters of a cluster shows (median of Cochran's Q over its degrees of
+// freedom), once cameras that differ in them have left (chi-square of a camera
+// against the others under the joint covariance, the worst first). A group
+// whose members' odds multiply to less than min_odds is given up. Parameters
+// that spread more than errors explain get the excess (Paule and Mandel).
+//
+// Throws on sizes that do not match. Deterministic.
+std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
+                                      const CameraEstimates& estimates);
+
+}  // namespace dgsfm

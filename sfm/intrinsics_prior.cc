@@ -1,0 +1,140 @@
+#include "sfm/intrinsics_prior.h"
+
+#include "colmap_ext/check.h"
+#include "estimators/option_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <ceres/normal_prior.h>
+
+namespace dgsfm {
+
+namespace {
+
+// One row for each finite, positive standard deviation.
+Eigen::MatrixXd InverseStddevRows(const Eigen::VectorXd& stddevs) {
+  Eigen::MatrixXd rows(0, stddevs.size());
+  for (Eigen::Index i = 0; i < stddevs.size(); ++i) {
+    if (!(stddevs(i) > 0) || !std::isfinite(stddevs(i))) continue;
+    rows.conservativeResize(rows.rows() + 1, Eigen::NoChange);
+    rows.bottomRows<1>().setZero();
+    rows(rows.rows() - 1, i) = 1 / stddevs(i);
+  }
+  return rows;
+}
+
+// A (params - mean).
+class TieCost : public ceres::CostFunction {
+ public:
+  explicit TieCost(const Eigen::MatrixXd& A) : A_(A) {
+    set_num_residuals(int(A.rows()));
+    mutable_parameter_block_sizes()->assign(2, int(A.cols()));
+  }
+
+  bool Evaluate(const double* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    using Vector = Eigen::Map<const Eigen::VectorXd>;
+    using RowMajorMatrix =
+        Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    Eigen::Map<Eigen::VectorXd>(residuals, A_.rows()) =
+        A_ *
+        (Vector(parameters[0], A_.cols()) - Vector(parameters[1], A_.cols()));
+    for (const int block : {0, 1}) {
+      if (!jacobians || !jacobians[block]) continue;
+      Eigen::Map<RowMajorMatrix>(jacobians[block], A_.rows(), A_.cols()) =
+          block == 0 ? A_ : Eigen::MatrixXd(-A_);
+    }
+    return true;
+  }
+
+ private:
+  const Eigen::MatrixXd A_;
+};
+
+}  // namespace
+
+bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
+  return CheckOption(focal_length_stddev_ratio > 0,
+                     "focal_length_stddev_ratio must be > 0",
+                     focal_length_stddev_ratio,
+                     error) &&
+         CheckOption(principal_point_stddev_ratio > 0,
+                     "principal_point_stddev_ratio must be > 0",
+                     principal_point_stddev_ratio,
+                     error) &&
+         CheckOption(extra_params_stddev > 0,
+                     "extra_params_stddev must be > 0",
+                     extra_params_stddev,
+                     error) &&
+         CheckOption(keypoint_stddev_px > 0,
+                     "keypoint_stddev_px must be > 0",
+                     keypoint_stddev_px,
+                     error);
+}
+
+Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
+                             const colmap::Camera& camera) {
+  Eigen::VectorXd stddevs = Eigen::VectorXd::Zero(camera.NumParams());
+  const auto set = [&](const std::vector<size_t>& idxs, double stddev) {
+    for (const size_t idx : idxs) stddevs(Eigen::Index(idx)) = stddev;
+  };
+  if (options.refine_focal_length) {
+    set(camera.FocalLengthIdxs(),
+        camera.HasPriorFocalLength()
+            ? options.focal_length_stddev_ratio * camera.MeanFocalLength()
+            : std::numeric_limits<double>::infinity());
+  }
+  if (options.refine_extra_params) {
+    set(camera.ExtraParamsIdxs(), options.extra_params_stddev);
+  }
+  if (options.refine_principal_point && !camera.HasPriorFocalLength()) {
+    set(camera.PrincipalPointIdxs(),
+        options.principal_point_stddev_ratio *
+            double(std::max(camera.Width(), camera.Height())));
+  }
+  return stddevs;
+}
+
+bool CameraGroup::Contains(colmap::camera_t camera_id) const {
+  return std::binary_search(camera_ids.begin(), camera_ids.end(), camera_id);
+}
+
+std::vector<double> MeanParams(const CameraGroup& group,
+                               const colmap::Reconstruction& model) {
+  DGSFM_CHECK(!group.camera_ids.empty());
+  std::vector<double> mean(model.Camera(group.camera_ids.front()).NumParams());
+  for (const colmap::camera_t camera_id : group.camera_ids) {
+    const colmap::Camera& camera = model.Camera(camera_id);
+    DGSFM_CHECK(camera.NumParams() == mean.size());
+    for (size_t i = 0; i < mean.size(); ++i) {
+      mean[i] += camera.Params(i) / double(group.camera_ids.size());
+    }
+  }
+  return mean;
+}
+
+void AddIntrinsicsPrior(const std::vector<double>& mean,
+                        const Eigen::VectorXd& stddevs,
+                        double* params,
+                        ceres::Problem* problem) {
+  DGSFM_CHECK(stddevs.size() == Eigen::Index(mean.size()));
+  const Eigen::MatrixXd A = InverseStddevRows(stddevs);
+  if (A.rows() == 0) return;
+  const Eigen::VectorXd center =
+      Eigen::Map<const Eigen::VectorXd>(mean.data(), stddevs.size());
+  problem->AddResidualBlock(new ceres::NormalPrior(A, center), nullptr, params);
+}
+
+void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,
+                      double* params,
+                      double* mean,
+                      ceres::Problem* problem) {
+  const Eigen::MatrixXd A = InverseStddevRows(stddevs);
+  if (A.rows() == 0) return;
+  problem->AddResidualBlock(new TieCost(A), nullptr, params, mean);
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,73 @@
+// What bundle adjustment believes about intrinsics: priors of single cameras,
+// and ties of cameras to a group.
+
+#pragma once
+
+#include "colmap_ext/scene.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/reconstruction.h>
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+#include <ceres/problem.h>
+
+namespace dgsfm {
+
+struct IntrinsicsPriorOptions {
+  bool refine_focal_length = true;
+  bool refine_extra_params = true;
+  // Only of cameras without a prior focal length: a given calibration keeps
+  // its principal point.
+  bool refine_principal_point = false;
+  // Standard deviation of prior focal lengths [1].
+  double focal_length_stddev_ratio = 0.01;
+  // Standard deviation of the principal point about that of the database, as a
+  // share of the larger image side [1].
+  double principal_point_stddev_ratio = 0.01;
+  // Standard deviation of the distortion parameters about those of the database
+  // [1].
+  double extra_params_stddev = 0.1;
+  // Standard deviation of key points that the priors are weighed against [px].
+  double keypoint_stddev_px = 0.5;
+
+  bool IsValid(std::string* error) const;
+};
+
+// Standard deviation of each parameter of a camera about the database's value
+// [px, 1]: 0 where it is held, infinite where nothing is known.
+Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
+                             const colmap::Camera& camera);
+
+// Cameras of one model and image size that deviate little from their mean.
+struct CameraGroup {
+  // Ascending.
+  std::vector<colmap::camera_t> camera_ids;
+  // Standard deviation of each parameter about the group's mean [px, 1]; empty
+  // in a rigid group, whose cameras have the same parameters.
+  Eigen::VectorXd stddevs;
+
+  bool IsRigid() const { return stddevs.size() == 0; }
+  bool Contains(colmap::camera_t camera_id) const;
+};
+
+std::vector<double> MeanParams(const CameraGroup& group,
+                               const colmap::Reconstruction& model);
+
+// Adds sum_i ((params_i - mean_i) / stddevs_i)^2 / 2 to a problem. Parameters
+// of zero or infinite standard deviation have no term.
+void AddIntrinsicsPrior(const std::vector<double>& mean,
+                        const Eigen::VectorXd& stddevs,
+                        double* params,
+                        ceres::Problem* problem);
+
+// The same about a mean that is a parameter block.
+void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,
+                      double* params,
+                      double* mean,
+                      ceres::Problem* problem);
+
+}  // namespace dgsfm

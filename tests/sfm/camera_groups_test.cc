@@ -1,0 +1,177 @@
+#include "sfm/camera_groups.h"
+
+#include "colmap_ext/synthetic/synthetic_scene_io.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+constexpr double kKeypointStddev = 0.5;
+
+// One camera entry for each image, true poses and points, noisy key points.
+SyntheticScene CreateScene(int num_distinct_cameras) {
+  SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::RING);
+  options.num_images = 12;
+  options.num_points_per_image = 300;
+  options.image_noise_px = kKeypointStddev;
+  options.known_focal_length = false;
+  options.camera.num_cameras = 0;
+  options.camera.num_distinct_cameras = num_distinct_cameras;
+  options.camera.max_log_focal_offset = 0.3;
+  options.camera.max_distortion_offset = 0.05;
+  return SynthesizeScene(options);
+}
+
+class AdjustedScene {
+ public:
+  explicit AdjustedScene(int num_distinct_cameras)
+      : synthetic_(CreateScene(num_distinct_cameras)),
+        prior_cameras_(SceneFromSynthetic(synthetic_).cameras),
+        model_(ReconstructionFromSynthetic(synthetic_)) {
+    for (const auto& [camera_id, camera] : prior_cameras_) {
+      model_.Camera(camera_id).SetPriorFocalLength(false);
+    }
+    options_.intrinsics.refine_principal_point = true;
+  }
+
+  bool Adjust(const std::vector<CameraGroup>& groups = {}) {
+    return AdjustBundle(options_, 1, 1, prior_cameras_, groups, &model_)
+        .has_value();
+  }
+
+  std::optional<IntrinsicsPosterior> Posterior(
+      const std::vector<CameraGroup>& groups = {}) const {
+    return EstimateIntrinsicsPosterior(
+        options_, prior_cameras_, groups, model_);
+  }
+
+  const colmap::Reconstruction& Model() const { return model_; }
+
+  const colmap::Camera& TrueCamera(colmap::camera_t camera_id) const {
+    return synthetic_.cameras.at(camera_id);
+  }
+
+  double MaxFocalError() const {
+    double max_error = 0;
+    for (const auto& [camera_id, camera] : model_.Cameras()) {
+      max_error =
+          std::max(max_error,
+                   std::abs(camera.MeanFocalLength() /
+                                TrueCamera(camera_id).MeanFocalLength() -
+                            1));
+    }
+    return max_error;
+  }
+
+ private:
+  SyntheticScene synthetic_;
+  CameraMap prior_cameras_;
+  colmap::Reconstruction model_;
+  BundleAdjustmentOptions options_;
+};
+
+TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
+  AdjustedScene scene(1);
+  ASSERT_TRUE(scene.Adjust());
+  const auto posterior = scene.Posterior();
+  ASSERT_TRUE(posterior);
+  // 7000 residuals tell it to 1 %; soft L1 at 0.5 px bends it by some per cent.
+  EXPECT_NEAR(posterior->keypoint_stddev_px, kKeypointStddev, 0.05);
+  double sum = 0;
+  const auto size = posterior->params.size();
+  Eigen::VectorXd errors(size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    errors(i) = posterior->params(i) -
+                scene.TrueCamera(posterior->camera_ids[i / 4]).Params(i % 4);
+    sum += errors(i) * errors(i) / posterior->covariance(i, i);
+  }
+  // Errors of all cameras have parts in common: a mean of squares of 1, as far
+  // as few independent values tell.
+  EXPECT_GT(sum / double(size), 0.2);
+  EXPECT_LT(sum / double(size), 4);
+}
+
+TEST(FindCameraGroups, CopiesOfOneCameraAreTiedAndGainAccuracy) {
+  AdjustedScene scene(1);
+  ASSERT_TRUE(scene.Adjust());
+  const auto groups = FindCameraGroups(
+      CameraGroupingOptions(), *scene.Posterior(), scene.Model());
+  ASSERT_EQ(groups.size(), 1);
+  EXPECT_EQ(groups[0].camera_ids.size(), 12);
+  EXPECT_TRUE(groups[0].IsRigid());
+  const double untied_error = scene.MaxFocalError();
+  ASSERT_TRUE(scene.Adjust(groups));
+  for (const auto& [camera_id, camera] : scene.Model().Cameras()) {
+    EXPECT_EQ(camera.Params(), scene.Model().Camera(1).Params());
+  }
+  EXPECT_LT(scene.MaxFocalError(), untied_error);
+  const auto posterior = scene.Posterior(groups);
+  ASSERT_TRUE(posterior);
+  EXPECT_EQ(posterior->camera_ids, std::vector<colmap::camera_t>({1}));
+}
+
+TEST(FindCameraGroups, DifferentCamerasOfOneSizeAreTiedApart) {
+  AdjustedScene scene(2);
+  ASSERT_TRUE(scene.Adjust());
+  const auto groups = FindCameraGroups(
+      CameraGroupingOptions(), *scene.Posterior(), scene.Model());
+  ASSERT_EQ(groups.size(), 2);
+  EXPECT_EQ(groups[0].camera_ids,
+            std::vector<colmap::camera_t>({1, 3, 5, 7, 9, 11}));
+  EXPECT_EQ(groups[1].camera_ids,
+            std::vector<colmap::camera_t>({2, 4, 6, 8, 10, 12}));
+}
+
+TEST(FindCameraGroups, EachImageWithItsOwnCameraStaysFree) {
+  AdjustedScene scene(0);
+  ASSERT_TRUE(scene.Adjust());
+  EXPECT_TRUE(FindCameraGroups(
+                  CameraGroupingOptions(), *scene.Posterior(), scene.Model())
+                  .empty());
+}
+
+TEST(AdjustBundle, SoftGroupsPullTogether) {
+  AdjustedScene scene(1);
+  ASSERT_TRUE(scene.Adjust());
+  const auto spread = [&] {
+    double min = 1e9, max = 0;
+    for (const auto& [camera_id, camera] : scene.Model().Cameras()) {
+      min = std::min(min, camera.MeanFocalLength());
+      max = std::max(max, camera.MeanFocalLength());
+    }
+    return max - min;
+  };
+  CameraGroup group;
+  for (colmap::camera_t id = 1; id <= 12; ++id) group.camera_ids.push_back(id);
+  group.stddevs = Eigen::Vector4d(0.01, 0, 0, 0);
+  const double spread_before = spread();
+  ASSERT_TRUE(scene.Adjust({group}));
+  EXPECT_LT(spread(), 0.1 * spread_before);
+  EXPECT_GT(spread(), 0);
+}
+
+TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
+  SyntheticScene synthetic = CreateScene(1);
+  synthetic.options.known_focal_length = true;
+  const CameraMap prior_cameras = SceneFromSynthetic(synthetic).cameras;
+  colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
+  BundleAdjustmentOptions options;
+  options.intrinsics.refine_principal_point = true;
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, prior_cameras, {}, &model));
+  for (const auto& [camera_id, camera] : model.Cameras()) {
+    const colmap::Camera& prior = prior_cameras.at(camera_id);
+    EXPECT_NEAR(camera.MeanFocalLength() / prior.MeanFocalLength(),
+                1,
+                options.intrinsics.focal_length_stddev_ratio);
+    EXPECT_EQ(camera.PrincipalPointX(), prior.PrincipalPointX());
+    EXPECT_NEAR(camera.Params(3),
+                prior.Params(3),
+                options.intrinsics.extra_params_stddev);
+  }
+}
+
+}  // namespace
+}  // namespace dgsfm
