@@ -88,7 +88,8 @@ void CleanDepths(double max_depth, std::vector<float>* depths) {
                           ? static_cast<float>(max_depth)
                           : kMaxFloat;
   for (float& depth : *depths) {
-    if (!(depth > 0 && depth <= bound)) depth = 0;
+    // Without branches, which NaN fails too.
+    depth = (depth > 0) & (depth <= bound) ? depth : 0;
   }
 }
 

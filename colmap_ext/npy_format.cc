@@ -1,6 +1,7 @@
 #include "colmap_ext/depth_file_formats.h"
 
 #include <cctype>
+#include <cstring>
 #include <map>
 #include <stdexcept>
 #include <utility>
@@ -130,11 +131,23 @@ NpyHeader ParseHeader(const std::vector<uint8_t>& bytes) {
   return header;
 }
 
+// The same for all numbers, without branches, so that compilers vectorize it.
+float HalfToFloat(uint16_t half) {
+  constexpr uint32_t kInfinity = 0x7f800000;
+  const uint32_t magnitude = uint32_t(half & 0x7fff) << 13;
+  // 2^112 is what the exponents of halfs and floats differ by.
+  const float scaled =
+      Eigen::numext::bit_cast<float>(magnitude) * 5.192296858534828e33f;
+  const bool is_finite = (half & 0x7c00) != 0x7c00;
+  const uint32_t bits = is_finite ? Eigen::numext::bit_cast<uint32_t>(scaled)
+                                  : magnitude | kInfinity;
+  return Eigen::numext::bit_cast<float>(bits | uint32_t(half & 0x8000) << 16);
+}
+
 template <typename T, order kOrder>
 float LoadNumber(const uint8_t* data) {
   if constexpr (std::is_same_v<T, Eigen::half>) {
-    return Eigen::numext::bit_cast<Eigen::half>(
-        endian_load<uint16_t, 2, kOrder>(data));
+    return HalfToFloat(endian_load<uint16_t, 2, kOrder>(data));
   } else {
     return static_cast<float>(endian_load<T, sizeof(T), kOrder>(data));
   }
@@ -142,6 +155,12 @@ float LoadNumber(const uint8_t* data) {
 
 template <typename T, order kOrder>
 void LoadNumbers(const uint8_t* data, std::vector<float>* values) {
+  if constexpr (std::is_same_v<T, float> && kOrder == order::native) {
+    if (!values->empty()) {
+      std::memcpy(values->data(), data, sizeof(float) * values->size());
+    }
+    return;
+  }
   for (float& value : *values) {
     value = LoadNumber<T, kOrder>(data);
     data += sizeof(T);

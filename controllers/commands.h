@@ -10,6 +10,7 @@
 
 namespace dgsfm {
 
+int RunDenseMatchImporter(int argc, char** argv);
 int RunDepthImporter(int argc, char** argv);
 int RunDepthExporter(int argc, char** argv);
 int RunDepthGeometricVerifier(int argc, char** argv);

@@ -175,6 +175,23 @@ TEST(CompressDepth, RefusesDepthThatIsNoDepth) {
   EXPECT_THROW(CompressDepth(DepthMap()), std::invalid_argument);
 }
 
+TEST(CompressDepth, RoundsAsHalfFloatsDo) {
+  // Every half of one octave with its neighbours in single precision, the ties
+  // between two halfs included, then the ends of the range.
+  std::vector<float> values = {0, 6.1035156e-5f, 65504, 65503.996f};
+  for (int i = 0; i < 1024; ++i) {
+    for (const float step : {0.f, 0.25f, 0.5f, 0.75f}) {
+      values.push_back((1024 + i + step) / 512);
+    }
+  }
+  const int size = static_cast<int>(values.size());
+  const DepthMap map =
+      DecompressDepth(CompressDepth(CreateMap(size, 1, values)));
+  for (int i = 0; i < size; ++i) {
+    EXPECT_EQ(map.values[i], static_cast<float>(Eigen::half(values[i])));
+  }
+}
+
 void ExpectDamaged(const std::vector<uint8_t>& blob,
                    int width,
                    int height,
@@ -191,9 +208,9 @@ TEST(DecompressDepth, RefusesDamagedBlobs) {
   const std::vector<uint8_t> blob =
       CompressDepth(CreateMap(2, 2, {1, 2, 3, 4})).bytes;
   ExpectDamaged({}, 2, 2, "2 x 2");
-  ExpectDamaged({1, 2, 3}, 2, 2, "zlib");
+  ExpectDamaged({1, 2, 3}, 2, 2, "damaged");
   ExpectDamaged(blob, 3, 2, "too few values");
-  ExpectDamaged(blob, 2, 1, "zlib");
+  ExpectDamaged(blob, 2, 1, "too many values");
   ExpectDamaged(blob, 0, 2, "size");
   ExpectDamaged(blob, 2, -2, "size");
   ExpectDamaged(blob, 16385, 2, "size");
@@ -202,7 +219,7 @@ TEST(DecompressDepth, RefusesDamagedBlobs) {
   longer.push_back(0);
   ExpectDamaged(longer, 2, 2, "after its end");
   for (size_t size = 0; size < blob.size(); ++size) {
-    ExpectDamaged({blob.begin(), blob.begin() + size}, 2, 2, "zlib");
+    ExpectDamaged({blob.begin(), blob.begin() + size}, 2, 2, "damaged");
   }
   for (size_t i = 0; i < blob.size(); ++i) {
     std::vector<uint8_t> damaged = blob;

@@ -10,3 +10,11 @@ foreach(CELL ${CELLS})
     ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
     ${DGSFM_PYTHON} -B ${CLIENTS} DepthClients.test_${CELL})
 endforeach()
+dgsfm_add_script_test(DepthImporter.GoesOnAfterKills
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/importer_kill_test.py)
+dgsfm_add_script_test(Model.OtherLoadersReadIt
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/model_loaders.py)
+dgsfm_add_script_test(EstimateDepth.RunsOnnxModels
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/estimate_depth_test.py)

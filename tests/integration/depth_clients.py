@@ -243,6 +243,94 @@ class DepthClients(unittest.TestCase):
         focal_length = self.check_import(expected=expected, depth_path=path)
         self.assertEqual(focal_length, 50)
 
+    # Correspondences of dense matchers.
+
+    def check_matches(self, write, *options):
+        """Three pairs in the forms of `write(group, points1, points2, conf)`;
+        points come back as they are, merged only across pairs."""
+        database = self.path / "matches.db"
+        names = ("a.jpg", "b.jpg", "c.jpg")
+        with pycolmap.Database.open(database) as db:
+            camera = pycolmap.Camera(
+                model="PINHOLE", width=60, height=40, params=[50, 50, 30, 20]
+            )
+            camera.camera_id = db.write_camera(camera)
+            ids = [
+                db.write_image(pycolmap.Image(name=name, camera_id=camera.camera_id))
+                for name in names
+            ]
+        rng = np.random.default_rng(1)
+        points = {}
+        for i, j in ((0, 1), (2, 0), (1, 2)):
+            size = np.array([60, 40])
+            first = (rng.uniform(0, 1, (50, 2)) * size).astype(np.float32)
+            second = (rng.uniform(0, 1, (50, 2)) * size).astype(np.float32)
+            if (i, j) == (2, 0):
+                # Of image a, within the radius of the pair before.
+                second[7] = points[0, 1][0][3] + np.float32([0.1, 0.1])
+            confidence = rng.uniform(0.5, 1, 50).astype(np.float32)
+            confidence[4] = 0.1
+            second[5] = [61, 3]
+            points[i, j] = first, second
+            write((names[i], names[j]), first, second, confidence)
+        run(
+            "dense_match_importer", "--database_path", database, "--match_path",
+            self.path / options[0], "--min_confidence", 0.3, "--merge_radius", 0.2,
+        )  # fmt: skip
+        kept = np.setdiff1d(np.arange(50), [4, 5])
+        with pycolmap.Database.open(database) as db:
+            keypoints = [db.read_keypoints(image_id) for image_id in ids]
+            for (i, j), (first, second) in points.items():
+                matches = db.read_matches(ids[i], ids[j])
+                self.assertEqual(matches.shape, (48, 2))
+                found1 = keypoints[i][matches[:, 0], :2]
+                found2 = keypoints[j][matches[:, 1], :2]
+                # Bit by bit, or moved by a merge.
+                for found, given in ((found1, first[kept]), (found2, second[kept])):
+                    moved = (found != given).any(axis=1)
+                    self.assertLess(np.abs(found - given).max(), 0.2)
+                    self.assertLess(moved.sum(), 10)
+            # Image a: points 3 and 7 are one key point.
+            of_b = db.read_matches(ids[0], ids[1])
+            of_c = db.read_matches(ids[2], ids[0])
+            self.assertEqual(of_b[3, 0], of_c[kept.tolist().index(7), 1])
+
+    def test_matches_npz_from_numpy(self):
+        arrays = {}
+
+        def write(names, points1, points2, confidence):
+            group = "<>".join(names)
+            arrays[f"{group}/mkpts0"] = points1
+            arrays[f"{group}/mkpts1"] = points2
+            arrays[f"{group}/mconf"] = confidence
+            np.savez_compressed(self.path / "loftr.npz", **arrays)
+
+        self.check_matches(write, "loftr.npz")
+
+    def test_matches_npz_folder_from_numpy(self):
+        (self.path / "roma").mkdir()
+
+        def write(names, points1, points2, confidence):
+            matches = np.concatenate([points1, points2], axis=1).astype(np.float64)
+            np.savez(
+                self.path / "roma" / ("_".join(names) + ".npz"),
+                matches=matches, certainty=confidence,
+            )  # fmt: skip
+
+        self.check_matches(write, "roma")
+
+    def test_matches_hdf5_from_h5py(self):
+        h5py = need("h5py")
+
+        def write(names, points1, points2, confidence):
+            with h5py.File(self.path / "mast3r.h5", "a") as file:
+                group = file.create_group("/".join(names))
+                group["keypoints0"] = points1
+                group["keypoints1"] = points2
+                group["scores"] = confidence.astype(np.float16)
+
+        self.check_matches(write, "mast3r.h5")
+
     # Written by us, read by the tool.
 
     def test_npy_to_numpy(self):

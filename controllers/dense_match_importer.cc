@@ -1,0 +1,330 @@
+#include "controllers/dense_match_importer.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/dense_match_file.h"
+#include "colmap_ext/keypoint_merger.h"
+#include "colmap_ext/scene_database.h"
+#include "colmap_ext/sqlite.h"
+#include "controllers/progress.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+namespace dgsfm {
+namespace {
+
+constexpr char kDeleteMatches[] = R"(
+DELETE FROM matches;
+DELETE FROM two_view_geometries;
+DELETE FROM keypoints;
+DELETE FROM descriptors;
+)";
+
+// Indices of key points between the images' turns, outside of the database.
+constexpr char kCreateIndexTable[] = R"(
+CREATE TEMP TABLE dense_match_indices (
+  pair_id INTEGER NOT NULL, image_id INTEGER NOT NULL, data BLOB NOT NULL,
+  PRIMARY KEY (pair_id, image_id));
+)";
+
+// The images that the names of groups stand for.
+class PairNames {
+ public:
+  explicit PairNames(const Scene& scene) {
+    for (const auto& [image_id, image] : scene.images) {
+      const std::string& name = image.Name();
+      std::string flat_name = name;
+      std::replace(flat_name.begin(), flat_name.end(), '/', '-');
+      for (const std::string& alias : std::set<std::string>{
+               name, flat_name, std::filesystem::path(name).filename()}) {
+        const auto [it, is_new] = image_ids_.emplace(alias, image_id);
+        if (!is_new) it->second = colmap::kInvalidImageId;
+      }
+    }
+    // A full name stands for its image whatever else has it as an alias.
+    for (const auto& [image_id, image] : scene.images) {
+      image_ids_[image.Name()] = image_id;
+    }
+  }
+
+  // In the order of the name; nothing unless there is exactly one way to read
+  // it.
+  std::optional<std::pair<colmap::image_t, colmap::image_t>> Find(
+      const std::string& group) const {
+    std::optional<std::pair<colmap::image_t, colmap::image_t>> found;
+    for (const std::string separator : {"<>", "_", "-", "/"}) {
+      for (size_t pos = group.find(separator); pos != std::string::npos;
+           pos = group.find(separator, pos + 1)) {
+        const auto image1 = image_ids_.find(group.substr(0, pos));
+        const auto image2 =
+            image_ids_.find(group.substr(pos + separator.size()));
+        if (image1 == image_ids_.end() || image2 == image_ids_.end() ||
+            image1->second == image2->second ||
+            image1->second == colmap::kInvalidImageId ||
+            image2->second == colmap::kInvalidImageId) {
+          continue;
+        }
+        const auto pair = std::make_pair(image1->second, image2->second);
+        if (found && *found != pair) return std::nullopt;
+        found = pair;
+      }
+    }
+    return found;
+  }
+
+ private:
+  // kInvalidImageId for what several images are called.
+  std::map<std::string, colmap::image_t> image_ids_;
+};
+
+struct PairSource {
+  std::string group;
+  // Whether the first points are of the image of the larger id.
+  bool is_swapped = false;
+};
+
+// Writes into an open transaction.
+class DenseMatchImport {
+ public:
+  DenseMatchImport(const Scene& scene,
+                   const DenseMatchFile& file,
+                   const DenseMatchImportOptions& options,
+                   const SqliteConnection& connection)
+      : scene_(scene),
+        file_(file),
+        options_(options),
+        connection_(connection),
+        insert_indices_(connection,
+                        "INSERT INTO temp.dense_match_indices VALUES(?, ?, ?)"),
+        select_indices_(connection,
+                        "SELECT data FROM temp.dense_match_indices "
+                        "WHERE pair_id = ? AND image_id = ?") {}
+
+  DenseMatchImportSummary Run() {
+    FindPairs();
+    Progress progress("Importing dense matches",
+                      pairs_of_image_.size() + pairs_.size());
+    for (const auto& [image_id, pair_ids] : pairs_of_image_) {
+      WriteKeypoints(image_id, pair_ids);
+      progress.Step();
+    }
+    for (const auto& [pair_id, source] : pairs_) {
+      WriteMatches(pair_id);
+      progress.Step();
+    }
+    summary_.num_pairs = pairs_.size();
+    for (const auto& [pair_id, num_left_out] : num_left_out_) {
+      summary_.num_matches_left_out += num_left_out;
+    }
+    return std::move(summary_);
+  }
+
+ private:
+  void FindPairs() {
+    const PairNames names(scene_);
+    for (const std::string& group : file_.Groups()) {
+      const auto images = names.Find(group);
+      if (!images) {
+        summary_.groups_without_images.push_back(group);
+        continue;
+      }
+      const auto [image_id1, image_id2] = *images;
+      const colmap::image_pair_t pair_id = PairIdOfImages(image_id1, image_id2);
+      const auto [other, is_new] =
+          pairs_.emplace(pair_id, PairSource{group, image_id1 > image_id2});
+      if (!is_new) {
+        throw std::runtime_error(file_.Path() + ": two groups of one pair, " +
+                                 other->second.group + " and " + group);
+      }
+      pairs_of_image_[image_id1].push_back(pair_id);
+      pairs_of_image_[image_id2].push_back(pair_id);
+    }
+    if (pairs_.empty()) {
+      throw std::runtime_error(
+          file_.Path() +
+          ": no group is called after two images of the database" +
+          (file_.Groups().empty() ? "" : ", such as " + file_.Groups()[0]));
+    }
+    for (auto& [image_id, pair_ids] : pairs_of_image_) {
+      std::sort(pair_ids.begin(), pair_ids.end());
+    }
+  }
+
+  bool IsInside(const Eigen::Vector2f& point, colmap::image_t image_id) const {
+    const colmap::Camera& camera =
+        scene_.cameras.at(scene_.images.at(image_id).CameraId());
+    return point.x() >= 0 && point.x() <= camera.Width() && point.y() >= 0 &&
+           point.y() <= camera.Height();
+  }
+
+  // The matches that are kept, the first points those of the smaller id.
+  DenseMatches ReadPair(colmap::image_pair_t pair_id) {
+    const PairSource& source = pairs_.at(pair_id);
+    DenseMatches all = file_.Read(source.group);
+    if (source.is_swapped) std::swap(all.points1, all.points2);
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const Eigen::Vector2f offset =
+        Eigen::Vector2f::Constant(options_.coordinate_offset_px);
+    DenseMatches kept;
+    for (size_t i = 0; i < all.points1.size(); ++i) {
+      const Eigen::Vector2f point1 = all.points1[i] + offset;
+      const Eigen::Vector2f point2 = all.points2[i] + offset;
+      const bool is_confident = all.confidences.empty() ||
+                                all.confidences[i] >= options_.min_confidence;
+      if (!is_confident || !IsInside(point1, image_id1) ||
+          !IsInside(point2, image_id2)) {
+        continue;
+      }
+      kept.points1.push_back(point1);
+      kept.points2.push_back(point2);
+    }
+    num_left_out_[pair_id] = all.points1.size() - kept.points1.size();
+    return kept;
+  }
+
+  void WriteKeypoints(colmap::image_t image_id,
+                      const std::vector<colmap::image_pair_t>& pair_ids) {
+    KeypointMerger merger(options_.merge_radius_px);
+    for (const colmap::image_pair_t pair_id : pair_ids) {
+      const DenseMatches matches = ReadPair(pair_id);
+      const bool is_first = ImageIdsOfPair(pair_id).first == image_id;
+      const auto& points = is_first ? matches.points1 : matches.points2;
+      summary_.num_points += points.size();
+      insert_indices_.BindInt(1, static_cast<int64_t>(pair_id))
+          .BindInt(2, image_id)
+          .BindBlob(3, merger.AddPair(points))
+          .Run();
+    }
+    std::vector<float> data;
+    data.reserve(2 * merger.Keypoints().size());
+    for (const Eigen::Vector2f& keypoint : merger.Keypoints()) {
+      data.push_back(keypoint.x());
+      data.push_back(keypoint.y());
+    }
+    summary_.num_keypoints += merger.Keypoints().size();
+    SqliteStatement(connection_,
+                    "INSERT INTO keypoints(image_id, rows, cols, data) "
+                    "VALUES(?, ?, 2, ?)")
+        .BindInt(1, image_id)
+        .BindInt(2, static_cast<int64_t>(merger.Keypoints().size()))
+        .BindBlob(3, data)
+        .Run();
+  }
+
+  std::vector<uint32_t> ReadIndices(colmap::image_pair_t pair_id,
+                                    colmap::image_t image_id) {
+    select_indices_.BindInt(1, static_cast<int64_t>(pair_id))
+        .BindInt(2, image_id);
+    std::vector<uint32_t> indices;
+    if (select_indices_.Step()) indices = select_indices_.Blob<uint32_t>(0);
+    select_indices_.Reset();
+    return indices;
+  }
+
+  void WriteMatches(colmap::image_pair_t pair_id) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const std::vector<uint32_t> indices1 = ReadIndices(pair_id, image_id1);
+    const std::vector<uint32_t> indices2 = ReadIndices(pair_id, image_id2);
+    // The file may change while it is read.
+    if (indices1.size() != indices2.size()) {
+      throw std::runtime_error(file_.Path() + ": pair " +
+                               pairs_.at(pair_id).group +
+                               " changed during the import");
+    }
+    std::vector<uint32_t> data;
+    data.reserve(2 * indices1.size());
+    for (size_t i = 0; i < indices1.size(); ++i) {
+      data.push_back(indices1[i]);
+      data.push_back(indices2[i]);
+    }
+    summary_.num_matches += indices1.size();
+    SqliteStatement(connection_,
+                    "INSERT INTO matches(pair_id, rows, cols, data) "
+                    "VALUES(?, ?, 2, ?)")
+        .BindInt(1, static_cast<int64_t>(pair_id))
+        .BindInt(2, static_cast<int64_t>(indices1.size()))
+        .BindBlob(3, data)
+        .Run();
+  }
+
+  const Scene& scene_;
+  const DenseMatchFile& file_;
+  const DenseMatchImportOptions& options_;
+  const SqliteConnection& connection_;
+  SqliteStatement insert_indices_;
+  SqliteStatement select_indices_;
+  std::map<colmap::image_pair_t, PairSource> pairs_;
+  std::map<colmap::image_t, std::vector<colmap::image_pair_t>> pairs_of_image_;
+  std::map<colmap::image_pair_t, size_t> num_left_out_;
+  DenseMatchImportSummary summary_;
+};
+
+void CheckIsEmpty(const SqliteConnection& connection) {
+  for (const char* table : {"keypoints", "matches"}) {
+    SqliteStatement count(
+        connection,
+        std::string("SELECT count(*) FROM ") + table + " WHERE rows > 0");
+    count.Step();
+    if (count.Int(0) == 0) continue;
+    throw connection.Error()
+        << "has " << table << " of " << count.Int(0) << " "
+        << (std::string(table) == "keypoints" ? "images" : "pairs")
+        << "; import into a database of images alone, or use --overwrite 1, "
+           "which replaces features and matches";
+  }
+}
+
+}  // namespace
+
+bool DenseMatchImportOptions::IsValid(std::string* error) const {
+  // Beyond a pixel, points would be moved, not merged.
+  if (!(merge_radius_px >= 0 && merge_radius_px <= 1)) {
+    *error = "merge_radius must be in [0, 1]";
+    return false;
+  }
+  if (!std::isfinite(coordinate_offset_px) || std::isnan(min_confidence)) {
+    *error = "coordinate_offset and min_confidence must be numbers";
+    return false;
+  }
+  return true;
+}
+
+std::string DenseMatchImportSummary::ToText() const {
+  std::ostringstream text;
+  for (const std::string& group : groups_without_images) {
+    text << "group without images: " << group << "\n";
+  }
+  text << "imported " << num_matches << " matches of " << num_pairs
+       << " pairs, " << num_points << " points merged into " << num_keypoints
+       << " key points, " << num_matches_left_out << " matches left out\n";
+  return text.str();
+}
+
+DenseMatchImportSummary ImportDenseMatches(
+    const std::string& database_path,
+    const std::string& match_path,
+    const DenseMatchImportOptions& options) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  const Scene scene = ReadSceneWithoutMatches(database_path);
+  const DenseMatchFile file(match_path);
+  const SqliteConnection connection(database_path,
+                                    SqliteConnection::Mode::READ_WRITE);
+  connection.Execute(kCreateIndexTable);
+  SqliteTransaction transaction(connection, SqliteTransaction::Kind::WRITE);
+  if (!options.overwrite) CheckIsEmpty(connection);
+  connection.Execute(kDeleteMatches);
+  const DenseMatchImportSummary summary =
+      DenseMatchImport(scene, file, options, connection).Run();
+  transaction.Commit();
+  return summary;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,70 @@
+// Feeds a parser of depth files with arbitrary bytes: all it may do is throw
+// std::runtime_error, within the memory that depth_file_formats.h allows.
+
+#include "colmap_ext/depth_file_formats.h"
+#include "colmap_ext/depth_map.h"
+#include "colmap_ext/hdf5_format.h"
+#include "colmap_ext/npz_format.h"
+
+#include <fstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
+
+namespace dgsfm {
+namespace {
+
+using namespace internal;
+
+// For libraries that read files only.
+[[maybe_unused]] std::string WriteFile(const std::vector<uint8_t>& bytes,
+                                       const std::string& extension) {
+  const std::string path =
+      "/dev/shm/dgsfm_fuzz_" + std::to_string(getpid()) + extension;
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  return path;
+}
+
+void Parse(const std::vector<uint8_t>& bytes) {
+#if defined(DGSFM_FUZZ_NPY)
+  ToGrid(ParseNpy(bytes));
+#elif defined(DGSFM_FUZZ_NPZ)
+  const NpzFile file(WriteFile(bytes, ".npz"));
+  for (const std::string& name : file.Names()) file.Read(name);
+#elif defined(DGSFM_FUZZ_PFM)
+  ParsePfm(bytes);
+#elif defined(DGSFM_FUZZ_PNG)
+  ParsePng(bytes, bytes.size() % 2 == 0 ? 16 : 8);
+#elif defined(DGSFM_FUZZ_BIN)
+  ParseDenseBin(bytes);
+#elif defined(DGSFM_FUZZ_EXR)
+  ParseExr(bytes);
+#elif defined(DGSFM_FUZZ_TIFF)
+  ParseTiff(bytes);
+#elif defined(DGSFM_FUZZ_HDF5)
+  const Hdf5File file(WriteFile(bytes, ".h5"));
+  for (const std::string& group : file.FindGroups("")) {
+    file.Read(group, "depth");
+  }
+#elif defined(DGSFM_FUZZ_BLOB)
+  if (bytes.size() < 4) return;
+  DecompressDepth({bytes[0] + 256 * bytes[1],
+                   bytes[2] + 256 * bytes[3],
+                   DepthUnit::METRIC,
+                   {bytes.begin() + 4, bytes.end()}});
+#endif
+}
+
+}  // namespace
+}  // namespace dgsfm
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  try {
+    dgsfm::Parse({data, data + size});
+  } catch (const std::runtime_error&) {
+  }
+  return 0;
+}

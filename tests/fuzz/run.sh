@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Builds the fuzzers with Clang and runs each for a time:
+#
+#   run.sh [SECONDS [FORMAT...]]      600 seconds, all
+#
+# Corpora and findings are kept in build/fuzz/corpus. Allocations beyond 2.5 GB,
+# more than the largest map takes as doubles, count as findings.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+seconds=${1:-600}
+formats=("${@:2}")
+if [[ ${#formats[@]} -eq 0 ]]; then
+  formats=(NPY NPZ PFM PNG BIN EXR TIFF HDF5 BLOB DATABASE)
+fi
+export CC=${CC:-clang-14} CXX=${CXX:-clang++-14}
+# COLMAP is not what is tested: one build of it, by the usual compiler, will do.
+colmap=$(CC=cc CXX=c++ scripts/build_colmap.sh | tail -n 1)
+cmake --preset fuzz -DCMAKE_CXX_COMPILER="$CXX" -DCMAKE_C_COMPILER="$CC" \
+  -DCOLMAP_DIR="$colmap/share/colmap" >/dev/null
+cmake --build build/fuzz --target "${formats[@]/#/fuzz_}"
+for format in "${formats[@]}"; do
+  corpus=build/fuzz/corpus/$format
+  mkdir -p "$corpus"
+  echo "fuzz_$format, $seconds s"
+  "build/fuzz/tests/fuzz/fuzz_$format" -max_total_time="$seconds" \
+    -malloc_limit_mb=2500 -rss_limit_mb=6000 -timeout=30 -print_final_stats=1 \
+    -artifact_prefix="$corpus-" "$corpus" 2>"$corpus.log" ||
+    { tail -n 40 "$corpus.log"; exit 1; }
+  grep -E "stat::(number_of_executed|peak)" "$corpus.log"
+done
