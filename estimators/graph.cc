@@ -19,6 +19,15 @@ void CheckEdges(int num_nodes, const std::vector<GraphEdge>& edges) {
   }
 }
 
+void CheckNoParallelEdges(std::vector<GraphEdge> edges) {
+  for (GraphEdge& edge : edges) edge = std::minmax({edge.first, edge.second});
+  std::sort(edges.begin(), edges.end());
+  const auto parallel = std::adjacent_find(edges.begin(), edges.end());
+  DGSFM_CHECK(parallel == edges.end())
+      << "parallel edges between nodes " << parallel->first << " and "
+      << parallel->second;
+}
+
 class UnionFind {
  public:
   explicit UnionFind(int num_nodes) : parents_(num_nodes) {
@@ -91,43 +100,6 @@ class Adjacency {
   std::vector<Link> links_;
 };
 
-// Calls visit(edge1, edge2, edge3) once per triangle. Links lead to nodes of
-// higher degree only: each triangle is found from its node of lowest degree,
-// and all lists stay short (time O(E^1.5), memory O(N + E)).
-template <typename Visitor>
-void VisitTriangles(int num_nodes,
-                    const std::vector<GraphEdge>& edges,
-                    const Visitor& visit) {
-  std::vector<int> degrees(num_nodes, 0);
-  for (const auto& [node1, node2] : edges) {
-    ++degrees[node1];
-    ++degrees[node2];
-  }
-  const Adjacency adjacency(num_nodes, edges, [&](int from, int to, int) {
-    return std::make_pair(degrees[from], from) <
-           std::make_pair(degrees[to], to);
-  });
-
-  std::vector<int> edge_from_lowest(num_nodes, -1);
-  for (int lowest = 0; lowest < num_nodes; ++lowest) {
-    for (const auto& link : adjacency.Links(lowest)) {
-      DGSFM_CHECK(edge_from_lowest[link.node] < 0)
-          << "parallel edges " << edge_from_lowest[link.node] << " and "
-          << link.edge;
-      edge_from_lowest[link.node] = link.edge;
-    }
-    for (const auto& link : adjacency.Links(lowest)) {
-      for (const auto& next : adjacency.Links(link.node)) {
-        const int closing_edge = edge_from_lowest[next.node];
-        if (closing_edge >= 0) visit(link.edge, next.edge, closing_edge);
-      }
-    }
-    for (const auto& link : adjacency.Links(lowest)) {
-      edge_from_lowest[link.node] = -1;
-    }
-  }
-}
-
 }  // namespace
 
 std::vector<int> ConnectedComponents(int num_nodes,
@@ -199,6 +171,40 @@ SpanningTree MaximumSpanningTree(int num_nodes,
   return tree;
 }
 
+// Links lead to nodes of higher degree only: each triangle is found from its
+// node of lowest degree, and all lists stay short.
+void VisitTriangles(int num_nodes,
+                    const std::vector<GraphEdge>& edges,
+                    const std::function<void(int, int, int)>& visit) {
+  CheckEdges(num_nodes, edges);
+  std::vector<int> degrees(num_nodes, 0);
+  for (const auto& [node1, node2] : edges) {
+    ++degrees[node1];
+    ++degrees[node2];
+  }
+  const Adjacency adjacency(num_nodes, edges, [&](int from, int to, int) {
+    return std::make_pair(degrees[from], from) <
+           std::make_pair(degrees[to], to);
+  });
+
+  std::vector<int> edge_from_lowest(num_nodes, -1);
+  for (int lowest = 0; lowest < num_nodes; ++lowest) {
+    for (const auto& link : adjacency.Links(lowest)) {
+      edge_from_lowest[link.node] = link.edge;
+    }
+    for (const auto& link : adjacency.Links(lowest)) {
+      if (edge_from_lowest[link.node] != link.edge) continue;
+      for (const auto& next : adjacency.Links(link.node)) {
+        const int closing_edge = edge_from_lowest[next.node];
+        if (closing_edge >= 0) visit(link.edge, next.edge, closing_edge);
+      }
+    }
+    for (const auto& link : adjacency.Links(lowest)) {
+      edge_from_lowest[link.node] = -1;
+    }
+  }
+}
+
 std::vector<double> TripletSupport(int num_nodes,
                                    const std::vector<GraphEdge>& edges,
                                    const std::vector<double>& counts) {
@@ -209,6 +215,7 @@ std::vector<double> TripletSupport(int num_nodes,
         << "count of edge " << e << " = " << counts[e];
     DGSFM_CHECK(edges[e].first != edges[e].second) << "self-loop " << e;
   }
+  CheckNoParallelEdges(edges);
 
   std::vector<double> ratio_sums(edges.size(), 0);
   std::vector<size_t> num_triangles(edges.size(), 0);

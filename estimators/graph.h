@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -35,10 +36,16 @@ SpanningTree MaximumSpanningTree(int num_nodes,
                                  const std::vector<double>& weights,
                                  int root);
 
+// Calls visit(edge1, edge2, edge3) once per triangle, in a fixed order.
+// Triangles are streamed, never listed: time O(E^1.5), memory O(N + E). Of
+// parallel edges one may stand for the others. Self-loops are in no triangle.
+void VisitTriangles(int num_nodes,
+                    const std::vector<GraphEdge>& edges,
+                    const std::function<void(int, int, int)>& visit);
+
 // Triplet support of each edge (Manam 2024; DGSfM Eq. 2 and 3): the mean over
 // the triangles with this edge of n_edge / max n of the triangle's edges; -1
-// for edges in no triangle. Triangles are streamed, never listed: time
-// O(E^1.5), memory O(N + E). Throws on parallel edges, self-loops and counts
+// for edges in no triangle. Throws on parallel edges, self-loops and counts
 // that are not finite and positive.
 std::vector<double> TripletSupport(int num_nodes,
                                    const std::vector<GraphEdge>& edges,

@@ -1,22 +1,26 @@
-// Robust least squares over the differences across the edges of a graph: the
-// structure that rotation and scale averaging share.
+// Least squares over the differences across the edges of a graph: the linear
+// system that the averages of rotations, scales and translations share.
 
 #pragma once
 
 #include "estimators/graph.h"
 
-#include <functional>
 #include <vector>
 
-#include <Eigen/CholmodSupport>
 #include <Eigen/Core>
+#include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 
 namespace dgsfm {
 
 // Minimises sum_e w_e |x_2(e) - x_1(e) - b_e|^2 over rows x of a matrix with
 // one row per node, gauge x = 0 at the fixed node: a weighted graph Laplacian
-// without the row and column of that node. Its pattern is analysed once.
+// without the row and column of that node.
+//
+// Its pattern is analysed once. Where the factors would fill in, as the many
+// edges between far nodes of a large graph make them, conjugate gradients
+// preconditioned by the diagonal take the place of LDL^T: such graphs are well
+// conditioned. Single-threaded, without BLAS: the same bits everywhere.
 class GraphLaplacianSolver {
  public:
   // Throws on nodes out of range. Self-loops add nothing, parallel edges add
@@ -25,14 +29,25 @@ class GraphLaplacianSolver {
                        const std::vector<GraphEdge>& edges,
                        int fixed_node);
 
-  // weights: E, finite and positive. differences: E x K. solution: N x K.
-  // CHOLMOD's supernodal factorisation, LDL^T where that fails. False,
-  // solution unchanged, if both fail or the solution is not finite.
+  // weights: E, finite and positive. differences: E x K, K one or three.
+  // solution: N x K.
+  // Conjugate gradients that do not converge give way to LDL^T. False,
+  // solution unchanged, if that fails or the solution is not finite.
   [[nodiscard]] bool Solve(const Eigen::VectorXd& weights,
                            const Eigen::MatrixXd& differences,
                            Eigen::MatrixXd* solution);
 
  private:
+  using SparseMatrix = Eigen::SparseMatrix<double>;
+
+  class Ldlt : public Eigen::SimplicialLDLT<SparseMatrix> {
+   public:
+    // Multiplications of a factorisation, known from the analysis.
+    double NumMultiplications() const {
+      return m_nonZerosPerCol.cast<double>().squaredNorm();
+    }
+  };
+
   // Where an edge's weight goes among the values of the matrix; -1 for
   // entries of the fixed node.
   struct EdgeEntries {
@@ -40,41 +55,22 @@ class GraphLaplacianSolver {
     int row2 = -1;
     int diagonal1 = -1;
     int diagonal2 = -1;
-    int off_diagonal = -1;
+    int upper = -1;
+    int lower = -1;
   };
+
+  // Returns the right side of the normal equations, N - 1 x K.
+  Eigen::MatrixXd Assemble(const Eigen::VectorXd& weights,
+                           const Eigen::MatrixXd& differences);
+  bool SolveByFactorization(const Eigen::MatrixXd& right_side,
+                            Eigen::MatrixXd* unknowns);
 
   int num_nodes_;
   int fixed_node_;
   std::vector<EdgeEntries> entries_;
-  Eigen::SparseMatrix<double> laplacian_;  // lower triangle
-  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> cholesky_;
+  SparseMatrix laplacian_;  // both triangles
+  Ldlt ldlt_;
+  bool prefers_factorization_ = true;
 };
-
-// One phase of iteratively reweighted least squares (IRLS).
-struct ReweightingPhase {
-  // Robust weight of a residual's norm.
-  std::function<double(double norm)> robust_weight;
-  int max_num_iterations = 0;
-  // Mean norm of the nodes' steps below which the phase has converged.
-  double step_convergence_threshold = 0;
-};
-
-// w(r) = 1 / max(r, floor), whose IRLS minimises the sum of norms (L1) but for
-// residuals below the floor.
-std::function<double(double)> L1Weight(double floor);
-
-// w(r) = (s^2 / (s^2 + r^2))^2, the weight of the redescending Geman-McClure
-// loss rho(r) = s^2 r^2 / (s^2 + r^2); w(0) = 1.
-std::function<double(double)> GemanMcClureWeight(double scale);
-
-// Runs a phase: weights the residuals (E x K, from compute_residuals, towards
-// which the differences of the steps go), solves, hands the steps (N x K) to
-// apply_steps. False if a factorisation fails.
-[[nodiscard]] bool SolveReweighted(
-    const ReweightingPhase& phase,
-    const Eigen::VectorXd& edge_weights,
-    const std::function<Eigen::MatrixXd()>& compute_residuals,
-    const std::function<void(const Eigen::MatrixXd&)>& apply_steps,
-    GraphLaplacianSolver* solver);
 
 }  // namespace dgsfm

@@ -2,17 +2,12 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/graph.h"
-#include "estimators/graph_laplacian.h"
-#include "estimators/option_check.h"
 
 #include <algorithm>
 #include <cmath>
 
 namespace dgsfm {
 namespace {
-
-// Residuals below this count as zero in the L1 phase [rad].
-constexpr double kL1Floor = 1e-4;
 
 // Angle-axis vector of a rotation, angle in [0, pi]; stable at both ends.
 Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation) {
@@ -38,6 +33,35 @@ Eigen::Quaterniond NormalizedChecked(const Eigen::Quaterniond& rotation) {
   return rotation.normalized();
 }
 
+// Triangles of each edge whose three rotations lead back to the start within
+// three standard deviations.
+std::vector<double> CountClosingTriangles(
+    int num_nodes,
+    const std::vector<GraphEdge>& edges,
+    const std::vector<RelativeRotation>& relatives) {
+  std::vector<double> counts(edges.size(), 0);
+  VisitTriangles(num_nodes, edges, [&](int edge1, int edge2, int edge3) {
+    Eigen::Quaterniond loop = Eigen::Quaterniond::Identity();
+    double variance = 0;
+    int node = edges[edge1].first;
+    // From edge1's second node on, whichever edge leads there goes first.
+    const int next = edges[edge1].second;
+    if (edges[edge2].first != next && edges[edge2].second != next) {
+      std::swap(edge2, edge3);
+    }
+    for (const int e : {edge1, edge2, edge3}) {
+      const Eigen::Quaterniond& rotation = relatives[e].cam2_from_cam1;
+      const bool forward = edges[e].first == node;
+      loop = (forward ? rotation : rotation.conjugate()) * loop;
+      node = forward ? edges[e].second : edges[e].first;
+      variance += relatives[e].stddev_rad * relatives[e].stddev_rad;
+    }
+    if (LogRotation(loop).squaredNorm() > 9 * variance) return;
+    for (const int e : {edge1, edge2, edge3}) ++counts[e];
+  });
+  return counts;
+}
+
 std::vector<Eigen::Quaterniond> ChainAlongTree(
     const std::vector<RelativeRotation>& relative_rotations,
     const SpanningTree& tree) {
@@ -54,87 +78,56 @@ std::vector<Eigen::Quaterniond> ChainAlongTree(
   return rotations;
 }
 
-// With R_i <- R_i exp(x_i), the residual e = log(R_2^T R_21 R_1) changes by
-// x_1 - x_2 to first order. The exact derivative has the same gradient, for e
-// is an eigenvector of its own Jacobian: fixed points are minima.
-bool RefineRotations(const std::vector<RelativeRotation>& relatives,
-                     const Eigen::VectorXd& edge_weights,
-                     const RotationAveragingOptions& options,
-                     GraphLaplacianSolver* solver,
-                     std::vector<Eigen::Quaterniond>* estimates) {
-  const auto compute_residuals = [&]() {
-    Eigen::MatrixXd residuals(relatives.size(), 3);
-    for (size_t e = 0; e < relatives.size(); ++e) {
-      residuals.row(e) = LogRotation(
-          (*estimates)[relatives[e].node2].conjugate() *
-          relatives[e].cam2_from_cam1 * (*estimates)[relatives[e].node1]);
-    }
-    return residuals;
-  };
-  const auto apply_steps = [&](const Eigen::MatrixXd& steps) {
-    for (size_t node = 0; node < estimates->size(); ++node) {
-      Eigen::Quaterniond& rotation = (*estimates)[node];
-      rotation = (rotation * ExpRotation(steps.row(node))).normalized();
-    }
-  };
-  const ReweightingPhase l1_phase{L1Weight(kL1Floor),
-                                  options.max_num_l1_iterations,
-                                  options.step_convergence_threshold_rad};
-  const ReweightingPhase irls_phase{
-      GemanMcClureWeight(options.loss_scale_deg * M_PI / 180),
-      options.max_num_irls_iterations,
-      options.step_convergence_threshold_rad};
-  for (const ReweightingPhase& phase : {l1_phase, irls_phase}) {
-    if (!SolveReweighted(
-            phase, edge_weights, compute_residuals, apply_steps, solver)) {
-      return false;
-    }
+// What an edge counts in the L1 phase: one that closes no triangle is either
+// false or has too few neighbours to tell.
+Eigen::VectorXd TrustOf(const std::vector<double>& num_closing_triangles) {
+  constexpr double kMaxNumTriangles = 3;
+  constexpr double kMinTrust = 0.1;
+  Eigen::VectorXd trust(num_closing_triangles.size());
+  for (Eigen::Index e = 0; e < trust.size(); ++e) {
+    trust(e) =
+        std::clamp(num_closing_triangles[e] / kMaxNumTriangles, kMinTrust, 1.0);
   }
-  return true;
+  return trust;
+}
+
+// Of each edge e = log(R_2^T R_21 R_1).
+Eigen::MatrixXd ComputeResiduals(
+    const std::vector<RelativeRotation>& relatives,
+    const std::vector<Eigen::Quaterniond>& estimates) {
+  Eigen::MatrixXd residuals(relatives.size(), 3);
+  for (size_t e = 0; e < relatives.size(); ++e) {
+    residuals.row(e) = LogRotation(estimates[relatives[e].node2].conjugate() *
+                                   relatives[e].cam2_from_cam1 *
+                                   estimates[relatives[e].node1]);
+  }
+  return residuals;
 }
 
 }  // namespace
 
-bool RotationAveragingOptions::IsValid(std::string* error) const {
-  return CheckOption(max_num_l1_iterations >= 0,
-                     "max_num_l1_iterations must be >= 0",
-                     max_num_l1_iterations,
-                     error) &&
-         CheckOption(max_num_irls_iterations >= 0,
-                     "max_num_irls_iterations must be >= 0",
-                     max_num_irls_iterations,
-                     error) &&
-         CheckOption(step_convergence_threshold_rad >= 0,
-                     "step_convergence_threshold_rad must be >= 0",
-                     step_convergence_threshold_rad,
-                     error) &&
-         CheckOption(loss_scale_deg > 0,
-                     "loss_scale_deg must be > 0",
-                     loss_scale_deg,
-                     error);
-}
-
 bool AverageRotations(int num_nodes,
                       const std::vector<RelativeRotation>& relative_rotations,
                       int fixed_node,
-                      const RotationAveragingOptions& options,
+                      const GraphAveragingOptions& options,
                       std::vector<Eigen::Quaterniond>* rotations) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   std::vector<RelativeRotation> relatives = relative_rotations;
   std::vector<GraphEdge> edges;
-  std::vector<double> weights;
+  Eigen::VectorXd stddevs(relatives.size());
   for (RelativeRotation& relative : relatives) {
     DGSFM_CHECK(relative.node1 != relative.node2)
         << "self-loop at node " << relative.node1;
-    DGSFM_CHECK(std::isfinite(relative.weight) && relative.weight > 0)
-        << "weight = " << relative.weight;
     relative.cam2_from_cam1 = NormalizedChecked(relative.cam2_from_cam1);
     edges.emplace_back(relative.node1, relative.node2);
-    weights.push_back(relative.weight);
+    stddevs(edges.size() - 1) = relative.stddev_rad;
   }
+  CheckStddevs(stddevs);
+  const std::vector<double> num_closing_triangles =
+      CountClosingTriangles(num_nodes, edges, relatives);
   const SpanningTree tree =
-      MaximumSpanningTree(num_nodes, edges, weights, fixed_node);
+      MaximumSpanningTree(num_nodes, edges, num_closing_triangles, fixed_node);
   if (static_cast<int>(tree.order.size()) < num_nodes) return false;
 
   std::vector<Eigen::Quaterniond> estimates;
@@ -146,10 +139,24 @@ bool AverageRotations(int num_nodes,
   } else {
     estimates = ChainAlongTree(relatives, tree);
   }
-  const Eigen::VectorXd edge_weights =
-      Eigen::Map<const Eigen::VectorXd>(weights.data(), weights.size());
+  // With R_i <- R_i exp(x_i), the residual e changes by x_1 - x_2 to first
+  // order. The exact derivative has the same gradient, for e is an eigenvector
+  // of its own Jacobian: fixed points are minima.
+  const auto apply_steps = [&](const Eigen::MatrixXd& steps) {
+    for (int node = 0; node < num_nodes; ++node) {
+      Eigen::Quaterniond& rotation = estimates[node];
+      rotation = (rotation * ExpRotation(steps.row(node))).normalized();
+    }
+  };
   GraphLaplacianSolver solver(num_nodes, edges, fixed_node);
-  if (!RefineRotations(relatives, edge_weights, options, &solver, &estimates)) {
+  if (!AverageReweighted(
+          options,
+          edges,
+          stddevs,
+          TrustOf(num_closing_triangles),
+          [&]() { return ComputeResiduals(relatives, estimates); },
+          apply_steps,
+          &solver)) {
     return false;
   }
   // The fixed node's start is handed back bit by bit.

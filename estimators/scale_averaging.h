@@ -3,7 +3,8 @@
 
 #pragma once
 
-#include <string>
+#include "estimators/graph_averaging.h"
+
 #include <vector>
 
 namespace dgsfm {
@@ -13,31 +14,21 @@ struct RelativeLogScale {
   int node1 = 0;
   int node2 = 0;
   double log_ratio = 0;
-  // Weight of the squared residual [1], > 0.
-  double weight = 1;
+  // Standard deviation [1], > 0.
+  double stddev = 0.1 / 3;
 };
 
-struct ScaleAveragingOptions {
-  // Reweighted least-squares steps of each phase.
-  int max_num_iterations = 30;
-  // Scale of the robust loss in log scale [1].
-  double loss_scale = 0.1;
-  // Mean change of the log scales below which the last phase has converged
-  // [1]; the L1 phase stops at 1e-4 at the latest.
-  double convergence_threshold = 1e-6;
-
-  bool IsValid(std::string* error) const;
-};
-
-// Log scales of all nodes of a connected graph, gauge: 0 at fixed_node.
-// An L1 start (IRLS) followed by a redescending loss (Geman-McClure).
-// Returns false, log_scales unchanged, if the graph is not connected or a
-// factorisation fails. Throws on ratios that are not finite, nodes out of
-// range and weights that are not finite and positive.
+// Log scales of all nodes of a connected graph, gauge: 0 at fixed_node. See
+// AverageDifferences for loss, failure and contract.
 [[nodiscard]] bool AverageScales(int num_nodes,
                                  const std::vector<RelativeLogScale>& ratios,
                                  int fixed_node,
-                                 const ScaleAveragingOptions& options,
+                                 const GraphAveragingOptions& options,
                                  std::vector<double>* log_scales);
+
+// Per node 1.4826 times the median absolute residual of its edges [1], which
+// is the standard deviation of a ratio if most are normal; 0 without edges.
+std::vector<double> LogScaleSpreads(const std::vector<RelativeLogScale>& ratios,
+                                    const std::vector<double>& log_scales);
 
 }  // namespace dgsfm

@@ -3,7 +3,8 @@
 
 #pragma once
 
-#include <string>
+#include "estimators/graph_averaging.h"
+
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,18 +21,6 @@ struct RelativeTranslation {
   double stddev = 1;
 };
 
-struct TranslationAveragingOptions {
-  // Reweighted least-squares steps of each phase.
-  int max_num_iterations = 30;
-  // Scale of the robust loss in standard deviations of a translation [1].
-  double loss_scale = 3.0;
-  // Mean change of the errors, in standard deviations, below which the last
-  // phase has converged [1]; the L1 phase stops at 1e-4 at the latest.
-  double convergence_threshold = 1e-6;
-
-  bool IsValid(std::string* error) const;
-};
-
 // Norms of the differences between translations and centres, in standard
 // deviations.
 std::vector<double> TranslationErrors(
@@ -39,17 +28,14 @@ std::vector<double> TranslationErrors(
     const std::vector<Eigen::Vector3d>& centers);
 
 // Centres of all nodes of a connected graph, gauge: zero at fixed_node; the
-// length of the translations fixes the scale. Least squares, then an L1 phase
-// (IRLS on the norms), then a redescending loss (Geman-McClure), so that a
-// translation that contradicts the loops it is part of has no say. Returns
-// false, centers unchanged, if the graph is not connected or a factorisation
-// fails. Throws on translations that are not finite, standard deviations that
-// are not finite and positive, and nodes out of range.
+// length of the translations fixes the scale. A translation that contradicts
+// the loops it is part of has no say. See AverageDifferences for loss, failure
+// and contract.
 [[nodiscard]] bool AverageTranslations(
     int num_nodes,
     const std::vector<RelativeTranslation>& translations,
     int fixed_node,
-    const TranslationAveragingOptions& options,
+    const GraphAveragingOptions& options,
     std::vector<Eigen::Vector3d>* centers);
 
 }  // namespace dgsfm

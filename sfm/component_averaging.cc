@@ -153,8 +153,7 @@ std::optional<ComponentRotations> AverageComponentRotations(
     for (const IndexedPair& indexed : valid_pairs) {
       relative_rotations.push_back({indexed.image1,
                                     indexed.image2,
-                                    indexed.pair->cam2_from_cam1.rotation,
-                                    1.0});
+                                    indexed.pair->cam2_from_cam1.rotation});
     }
     if (!AverageRotations(index.Size(),
                           relative_rotations,
@@ -184,8 +183,7 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
   for (const IndexedPair& indexed : scaled_pairs) {
     ratios.push_back({indexed.image1,
                       indexed.image2,
-                      std::log(indexed.pair->scale_1_from_2),
-                      1.0});
+                      std::log(indexed.pair->scale_1_from_2)});
   }
   ComponentScales result;
   result.num_pairs = ratios.size();

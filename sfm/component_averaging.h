@@ -16,16 +16,16 @@
 namespace dgsfm {
 
 struct ComponentAveragingOptions {
-  RotationAveragingOptions rotation_averaging;
+  GraphAveragingOptions rotation_averaging;
   // Averages rotations this often, taking out pairs that are off by more than
   // max_rotation_error_deg after each [deg].
   int num_rotation_averaging_rounds = 2;
   double max_rotation_error_deg = 10.0;
-  ScaleAveragingOptions scale_averaging;
+  GraphAveragingOptions scale_averaging;
   // Pairs whose log scale ratio is off by more than this after averaging lose
   // their scale [1].
   double max_log_scale_error = 0.5;
-  TranslationAveragingOptions translation_averaging;
+  GraphAveragingOptions translation_averaging;
   // Pairs whose translation is off by more than this after averaging are
   // removed [length of the translation, or the median one if longer] ...
   double max_translation_error_ratio = 0.5;

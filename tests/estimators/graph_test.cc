@@ -87,6 +87,20 @@ TEST(MaximumSpanningTree, ThrowsOnBadInput) {
                std::invalid_argument);
 }
 
+TEST(VisitTriangles, VisitsEachOnceAsItsThreeEdges) {
+  // Two triangles on the edge 1-2, a tail, a self-loop and a parallel edge.
+  const std::vector<GraphEdge> edges = {
+      {0, 1}, {2, 1}, {0, 2}, {1, 3}, {3, 2}, {4, 3}, {3, 3}, {4, 3}};
+  std::set<std::set<int>> triangles;
+  int num_visits = 0;
+  VisitTriangles(5, edges, [&](int edge1, int edge2, int edge3) {
+    triangles.insert({edge1, edge2, edge3});
+    ++num_visits;
+  });
+  EXPECT_EQ(triangles, (std::set<std::set<int>>{{0, 1, 2}, {1, 3, 4}}));
+  EXPECT_EQ(num_visits, 2);
+}
+
 TEST(TripletSupport, AveragesOverTrianglesOfTheEdge) {
   // Triangles 0-1-2 and 1-2-3; edge 3-4 is in none.
   const std::vector<GraphEdge> edges = {

@@ -76,7 +76,7 @@ TEST(TranslationAveraging, ExactTranslationsGiveExactCenters) {
   const Problem problem = CreateProblem(30, 0, 0, 1);
   std::vector<Eigen::Vector3d> centers;
   ASSERT_TRUE(AverageTranslations(
-      30, problem.translations, 0, TranslationAveragingOptions(), &centers));
+      30, problem.translations, 0, GraphAveragingOptions(), &centers));
   // Rounding of a linear system, over 60 m.
   EXPECT_LT(MaxError(centers, problem), 1e-9);
 }
@@ -85,7 +85,7 @@ TEST(TranslationAveraging, GaugeIsTheFixedNode) {
   const Problem problem = CreateProblem(10, 0.02, 0, 2);
   std::vector<Eigen::Vector3d> centers;
   ASSERT_TRUE(AverageTranslations(
-      10, problem.translations, 7, TranslationAveragingOptions(), &centers));
+      10, problem.translations, 7, GraphAveragingOptions(), &centers));
   EXPECT_EQ(centers[7], Eigen::Vector3d::Zero());
 }
 
@@ -94,7 +94,7 @@ TEST(TranslationAveraging, OutliersHaveNoSayAndStandOut) {
     const Problem problem = CreateProblem(40, 0, 0.05, seed);
     std::vector<Eigen::Vector3d> centers;
     ASSERT_TRUE(AverageTranslations(
-        40, problem.translations, 0, TranslationAveragingOptions(), &centers));
+        40, problem.translations, 0, GraphAveragingOptions(), &centers));
     // A redescending loss leaves outliers of 26 m, 65 standard deviations, a
     // weight of (3 / 65)^4, five in a million.
     EXPECT_LT(MaxError(centers, problem), 1e-2) << seed;
@@ -110,7 +110,7 @@ TEST(TranslationAveraging, NoiseAveragesOut) {
   const Problem problem = CreateProblem(40, 0.02, 0.05, 3);
   std::vector<Eigen::Vector3d> centers;
   ASSERT_TRUE(AverageTranslations(
-      40, problem.translations, 0, TranslationAveragingOptions(), &centers));
+      40, problem.translations, 0, GraphAveragingOptions(), &centers));
   // 39 steps of 2 m with 4 cm of noise each add up to 25 cm a component
   // without averaging; four ways a step halve that.
   EXPECT_LT(MaxError(centers, problem), 0.5);
@@ -120,8 +120,8 @@ TEST(TranslationAveraging, FailsWithoutConnection) {
   RelativeTranslation relative;
   relative.node2 = 1;
   std::vector<Eigen::Vector3d> centers = {Eigen::Vector3d::Ones()};
-  EXPECT_FALSE(AverageTranslations(
-      3, {relative}, 0, TranslationAveragingOptions(), &centers));
+  EXPECT_FALSE(
+      AverageTranslations(3, {relative}, 0, GraphAveragingOptions(), &centers));
   EXPECT_EQ(centers.size(), 1);
 }
 
@@ -131,12 +131,12 @@ TEST(TranslationAveraging, RefusesWhatIsNotFinite) {
   std::vector<Eigen::Vector3d> centers;
   relative.stddev = 0;
   EXPECT_THROW((void)AverageTranslations(
-                   2, {relative}, 0, TranslationAveragingOptions(), &centers),
+                   2, {relative}, 0, GraphAveragingOptions(), &centers),
                std::invalid_argument);
   relative.stddev = 1;
   relative.translation.x() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW((void)AverageTranslations(
-                   2, {relative}, 0, TranslationAveragingOptions(), &centers),
+                   2, {relative}, 0, GraphAveragingOptions(), &centers),
                std::invalid_argument);
 }
 
