@@ -69,7 +69,8 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
     row->residual = xy_px - observation.xy_px;
     // Ceres's correction for losses of negative curvature.
     const double weight =
-        std::pow(1 + row->residual.squaredNorm() / squared_loss_scale_, -0.25);
+        1 / std::sqrt(std::sqrt(1 + row->residual.squaredNorm() /
+                                        squared_loss_scale_));
     row->residual *= weight;
     jacobian.point *= weight;
     const Eigen::Matrix3d& rotation = rotations_[image_index];

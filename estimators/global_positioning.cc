@@ -3,21 +3,16 @@
 #include "colmap_ext/check.h"
 #include "estimators/median.h"
 #include "estimators/option_check.h"
-#include "estimators/ray_point_cost.h"
+#include "estimators/point_minimizer.h"
+#include "estimators/ray_point_residual.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <memory>
-
-#include <ceres/ceres.h>
+#include <tuple>
 
 namespace dgsfm {
 namespace {
-
-// Up to here the reduced camera matrix is cheaper dense than sparse.
-constexpr int kMaxNumDenseCameras = 50;
 
 void CheckInput(const std::vector<PositioningObservation>& observations,
                 int fixed_camera,
@@ -71,60 +66,87 @@ std::vector<double> LogDistances(
   return log_distances;
 }
 
-// Builds the problem and solves it in place. Centres and points each lie in
-// one array: their addresses, by which Ceres orders them, follow the indices.
-ceres::Solver::Summary Solve(
-    const std::vector<PositioningObservation>& observations,
-    int fixed_camera,
-    const GlobalPositioningOptions& options,
-    std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points) {
-  ceres::Problem::Options problem_options;
-  problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::HuberLoss huber_loss(options.loss_scale);
-  std::map<double, std::unique_ptr<ceres::LossFunction>> losses_by_weight;
-  ceres::Problem problem(problem_options);
-  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (const PositioningObservation& observation : observations) {
-    auto& loss = losses_by_weight[observation.weight];
-    if (loss == nullptr) {
-      loss = std::make_unique<ceres::ScaledLoss>(
-          &huber_loss, observation.weight, ceres::DO_NOT_TAKE_OWNERSHIP);
+class PositioningProblem : public PointProblem<3, 3> {
+ public:
+  PositioningProblem(const std::vector<PositioningObservation>& all,
+                     int fixed_camera,
+                     double loss_scale,
+                     std::vector<Eigen::Vector3d>* centers,
+                     std::vector<Eigen::Vector3d>* points)
+      : observations_(all),
+        loss_scale_(loss_scale),
+        centers_(*centers),
+        points_(*points) {
+    std::stable_sort(observations_.begin(),
+                     observations_.end(),
+                     [](const auto& a, const auto& b) {
+                       return std::tie(a.point, a.camera) <
+                              std::tie(b.point, b.camera);
+                     });
+    observation_index.num_cameras = int(centers->size());
+    observation_index.num_points = int(points->size());
+    camera_columns.assign(centers->size(), {-1, -1, -1});
+    for (const PositioningObservation& observation : observations_) {
+      observation_index.cameras.push_back(observation.camera);
+      observation_index.points.push_back(observation.point);
+      CameraColumns& columns = camera_columns[observation.camera];
+      if (observation.camera == fixed_camera || columns[0] >= 0) continue;
+      for (int& column : columns) column = num_columns++;
     }
-    double* center = (*centers)[observation.camera].data();
-    double* point = (*points)[observation.point].data();
-    problem.AddResidualBlock(new RayPointCostFunction(observation.ray_in_world),
-                             loss.get(),
-                             center,
-                             point);
-    ordering->AddElementToGroup(point, 0);
-    ordering->AddElementToGroup(center, 1);
-  }
-  double* fixed_center = (*centers)[fixed_camera].data();
-  if (problem.HasParameterBlock(fixed_center)) {
-    problem.SetParameterBlockConstant(fixed_center);
   }
 
-  ceres::Solver::Options solver_options;
-  solver_options.minimizer_type = ceres::TRUST_REGION;
-  solver_options.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
-  solver_options.use_nonmonotonic_steps = false;
-  solver_options.linear_solver_type =
-      ordering->GroupSize(1) <= kMaxNumDenseCameras ? ceres::DENSE_SCHUR
-                                                    : ceres::SPARSE_SCHUR;
-  solver_options.linear_solver_ordering = ordering;
-  solver_options.jacobi_scaling = true;
-  solver_options.max_num_iterations = options.max_num_iterations;
-  solver_options.function_tolerance = options.function_tolerance;
-  solver_options.gradient_tolerance = 1e-12;
-  solver_options.parameter_tolerance = 1e-10;
-  solver_options.num_threads = options.num_threads;
-  solver_options.logging_type = ceres::SILENT;
-  solver_options.minimizer_progress_to_stdout = false;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver_options, &problem, &summary);
-  return summary;
-}
+  double Cost(int k) const override {
+    const Eigen::Vector3d residual = Residual(k, nullptr);
+    const double error = residual.norm();
+    return observations_[k].weight *
+           (error <= loss_scale_ ? 0.5 * error * error
+                                 : loss_scale_ * (error - 0.5 * loss_scale_));
+  }
+
+  void Linearize(int k, Row* row) const override {
+    Eigen::Matrix3d by_point;
+    row->residual = Residual(k, &by_point);
+    const double error = row->residual.norm();
+    // Ceres's correction for losses of negative or no curvature.
+    const double factor =
+        std::sqrt(observations_[k].weight *
+                  (error <= loss_scale_ ? 1 : loss_scale_ / error));
+    row->residual *= factor;
+    row->by_point = factor * by_point.transpose();
+    row->by_camera = -row->by_point;
+  }
+
+  void Step(const Eigen::VectorXd& column_steps,
+            const std::vector<Eigen::Vector3d>& point_steps) override {
+    saved_centers_ = centers_;
+    saved_points_ = points_;
+    for (size_t i = 0; i < centers_.size(); ++i) {
+      const int column = camera_columns[i][0];
+      if (column >= 0) centers_[i] += column_steps.segment<3>(column);
+    }
+    for (size_t i = 0; i < points_.size(); ++i) points_[i] += point_steps[i];
+  }
+
+  void Undo() override {
+    centers_.swap(saved_centers_);
+    points_.swap(saved_points_);
+  }
+
+ private:
+  Eigen::Vector3d Residual(int k, Eigen::Matrix3d* by_point) const {
+    const PositioningObservation& observation = observations_[k];
+    return RayPointResidual(
+        observation.ray_in_world,
+        points_[observation.point] - centers_[observation.camera],
+        by_point);
+  }
+
+  std::vector<PositioningObservation> observations_;
+  const double loss_scale_;
+  std::vector<Eigen::Vector3d>& centers_;
+  std::vector<Eigen::Vector3d>& points_;
+  std::vector<Eigen::Vector3d> saved_centers_, saved_points_;
+};
 
 }  // namespace
 
@@ -173,15 +195,19 @@ GlobalPositioningSummary SolveGlobalPositioning(
       Scaled(*centers, origin, 1 / unit, zero);
   std::vector<Eigen::Vector3d> unit_points =
       Scaled(*points, origin, 1 / unit, zero);
-  const ceres::Solver::Summary solver_summary =
-      Solve(observations, fixed_camera, options, &unit_centers, &unit_points);
-  // The first entry is the start.
-  summary.num_iterations =
-      std::max<int>(0, static_cast<int>(solver_summary.iterations.size()) - 1);
-  summary.initial_cost = solver_summary.initial_cost;
-  summary.final_cost = solver_summary.final_cost;
-  summary.message = solver_summary.message;
-  if (!solver_summary.IsSolutionUsable()) return summary;
+  PositioningProblem problem(observations,
+                             fixed_camera,
+                             options.loss_scale,
+                             &unit_centers,
+                             &unit_points);
+  PointMinimizerOptions minimizer;
+  minimizer.max_num_iterations = options.max_num_iterations;
+  minimizer.function_tolerance = options.function_tolerance;
+  minimizer.num_threads = options.num_threads;
+  const PointMinimizerSummary found = MinimizeWithPoints(minimizer, &problem);
+  summary.num_iterations = found.num_iterations;
+  summary.initial_cost = found.initial_cost;
+  summary.final_cost = found.final_cost;
 
   std::vector<double> log_growths =
       LogDistances(observations, unit_centers, unit_points);

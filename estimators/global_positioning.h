@@ -41,21 +41,20 @@ struct GlobalPositioningSummary {
 
 // Minimises sum w rho(min_alpha |d - alpha (X - c)|^2), alpha >= 0, over the
 // centres c and points X: the scale alpha of each observation is eliminated
-// in closed form (see estimators/ray_point_cost.h). Points behind a camera do
-// not feel its ray.
+// in closed form (see estimators/ray_point_residual.h). Points behind a camera
+// do not feel its ray.
 //
 // Gauge: centre of fixed_camera constant; the scale is held by the start's
 // damping and restored afterwards: a scaling about the fixed centre makes the
 // median over the observations of log(distance / distance in the start) zero.
 // Cameras and points without observations stay where they are.
 //
-// Not successful, centres and points unchanged, without observations, if the
-// start is not finite or if the solver fails; running out of iterations is no
-// failure. Throws on indices out of range, rays that are no unit vectors and
-// weights that are not finite and positive.
+// Not successful, centres and points unchanged, without observations or if the
+// start is not finite; running out of iterations is no failure. Throws on
+// indices out of range, rays that are no unit vectors and weights that are not
+// finite and positive.
 //
-// Deterministic with one thread; with more, sums are formed in varying order
-// and results agree up to rounding.
+// The same for any number of threads.
 GlobalPositioningSummary SolveGlobalPositioning(
     const std::vector<PositioningObservation>& observations,
     int fixed_camera,

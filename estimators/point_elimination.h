@@ -89,8 +89,8 @@ class PointElimination {
       block.gradient.setZero();
       for (int k = point_begin_[point]; k < point_begin_[point + 1]; ++k) {
         const Row& row = rows_[k];
-        block.hessian.noalias() += row.by_point * row.by_point.transpose();
-        block.gradient.noalias() += row.by_point * row.residual;
+        block.hessian += row.by_point.lazyProduct(row.by_point.transpose());
+        block.gradient += row.by_point.lazyProduct(row.residual);
       }
     });
     ParallelFor(observations_.num_cameras, num_threads_, [&](size_t camera) {
@@ -164,11 +164,12 @@ class PointElimination {
       Eigen::Vector3d gradient = block.gradient;
       for (int k = point_begin_[point]; k < point_begin_[point + 1]; ++k) {
         const Row& row = rows_[k];
-        gradient.noalias() +=
-            row.by_point * (row.by_camera.transpose() *
-                            camera_steps[observations_.cameras[k]]);
+        const Eigen::Matrix<double, kResidual, 1> change =
+            row.by_camera.transpose().lazyProduct(
+                camera_steps[observations_.cameras[k]]);
+        gradient += row.by_point.lazyProduct(change);
       }
-      (*point_steps)[point].noalias() = -(block.inverse * gradient);
+      (*point_steps)[point] = -block.inverse.lazyProduct(gradient);
     });
   }
 
@@ -328,34 +329,40 @@ class PointElimination {
       const int point = observations_.points[k];
       const PointBlock& point_block = point_blocks_[point];
       const Eigen::Matrix<double, kResidual, 3> projected =
-          row.by_point.transpose() * point_block.inverse;
-      own.rhs.noalias() += row.by_camera * (projected * point_block.gradient);
+          row.by_point.transpose().lazyProduct(point_block.inverse);
+      const Eigen::Matrix<double, kResidual, 1> shift =
+          projected.lazyProduct(point_block.gradient);
+      own.rhs += row.by_camera.lazyProduct(shift);
       const int* other = others;
       for (int l = k; l < point_begin_[point + 1]; ++l) {
         const Row& other_row = rows_[l];
         const Eigen::Matrix<double, kResidual, kResidual> core =
-            projected * other_row.by_point;
+            projected.lazyProduct(other_row.by_point);
         const Eigen::Matrix<double, kCamera, kResidual> right =
-            other_row.by_camera * core.transpose();
+            other_row.by_camera.lazyProduct(core.transpose());
         other = std::lower_bound(other, others_end, observations_.cameras[l]);
         CameraMatrix& block = blocks[other - others];
-        SubtractProduct(row.by_camera, right, &block);
+        AddProduct(-1, row.by_camera, right, &block);
         // Twice in the track of one point.
         if (other == others && l > k) {
-          SubtractProduct(right, row.by_camera, &block);
+          AddProduct(-1, right, row.by_camera, &block);
         }
       }
     }
   }
 
-  static void SubtractProduct(
-      const Eigen::Matrix<double, kCamera, kResidual>& left,
-      const Eigen::Matrix<double, kCamera, kResidual>& right,
-      CameraMatrix* block) {
+  // block += factor left right^T, for which Eigen would call its kernels for
+  // large matrices.
+  static void AddProduct(double factor,
+                         const Eigen::Matrix<double, kCamera, kResidual>& left,
+                         const Eigen::Matrix<double, kCamera, kResidual>& right,
+                         CameraMatrix* block) {
     for (int j = 0; j < kCamera; ++j) {
-      CameraVector sum = left.col(0) * right(j, 0);
-      for (int r = 1; r < kResidual; ++r) sum += left.col(r) * right(j, r);
-      block->col(j) -= sum;
+      CameraVector sum = left.col(0) * (factor * right(j, 0));
+      for (int r = 1; r < kResidual; ++r) {
+        sum += left.col(r) * (factor * right(j, r));
+      }
+      block->col(j) += sum;
     }
   }
 

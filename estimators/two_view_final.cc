@@ -24,7 +24,7 @@ constexpr double kMaxPriorFreeLogFocalStddev = 0.1;
 constexpr double kMaxLogFocalStddev = 0.3;
 // The last refinement goes on until rounding stops it: the costs of the
 // outliers hide the last of the decrease.
-constexpr double kMinFinalDecrease = 1e-10;
+constexpr double kMinFinalDecrease = 1e-7;
 
 // Of a Gaussian, from the median absolute deviation about `center`.
 double RobustStddev(std::vector<double> values, double center) {
