@@ -155,6 +155,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->pair_scores_path,
                        "pair scores (Doppelgangers++), lines 'name1 name2 "
                        "score', .csv or .json; empty = none");
+  command_options->Add("share_intrinsics",
+                       &options->mapper.share_intrinsics,
+                       "one camera in the model for images whose cameras turn "
+                       "out to be the same");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
   BindMapper(&options->mapper, command_options);

@@ -1,5 +1,6 @@
 #include "controllers/mapper_report.h"
 
+#include <cmath>
 #include <fstream>
 #include <stdexcept>
 
@@ -24,14 +25,37 @@ Json StageEntries(const std::vector<StageReport>& stages) {
   return entries;
 }
 
-Json CameraEntries(const std::map<colmap::camera_t, CameraFocal>& focals) {
-  Json entries;
-  for (const auto& [camera_id, focal] : focals) {
-    entries.push_back({{"camera_id", camera_id},
-                       {"focal_source", FocalSourceName(focal.source)},
-                       {"averaged_focal_length_px", focal.focal_length_px},
-                       {"num_estimates", focal.num_estimates},
-                       {"log_spread", focal.log_spread}});
+// JSON has no infinity: null where nothing is known.
+Json Numbers(const std::vector<double>& values) {
+  Json numbers = Json::array();
+  for (const double value : values) {
+    numbers.push_back(std::isfinite(value) ? Json(value) : Json(nullptr));
+  }
+  return numbers;
+}
+
+Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
+  Json entries = Json::array();
+  for (const auto& [camera_id, camera] : scene.cameras) {
+    Json entry = {{"camera_id", camera_id}, {"model", camera.ModelName()}};
+    const auto focal = result.focals.find(camera_id);
+    if (focal != result.focals.end()) {
+      entry["focal_source"] = FocalSourceName(focal->second.source);
+      entry["averaged_focal_length_px"] = focal->second.focal_length_px;
+      entry["num_estimates"] = focal->second.num_estimates;
+      entry["log_spread"] = focal->second.log_spread;
+    }
+    const auto found = result.cameras.find(camera_id);
+    if (found != result.cameras.end()) {
+      const CameraResult& intrinsics = found->second;
+      entry["prior"] = Numbers(camera.Params());
+      entry["prior_stddevs"] = Numbers(intrinsics.prior_stddevs);
+      entry["posterior"] = Numbers(intrinsics.params);
+      entry["posterior_stddevs"] = Numbers(intrinsics.stddevs);
+      entry["group"] = intrinsics.group;
+      entry["group_stddevs"] = Numbers(intrinsics.group_stddevs);
+    }
+    entries.push_back(entry);
   }
   return entries;
 }
@@ -75,9 +99,7 @@ void WriteMapperReport(const std::string& path,
     report["models"].push_back(
         {{"images", model->NumRegImages()}, {"points", model->NumPoints3D()}});
   }
-  if (!result.focals.empty()) {
-    report["cameras"] = CameraEntries(result.focals);
-  }
+  report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result);
   std::ofstream file(path);
   file << report.dump(2) << std::endl;

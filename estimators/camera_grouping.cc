@@ -259,7 +259,8 @@ void AddGroups(const CameraGroupingOptions& options,
     const double log_odds = LogOddsOf(
         options,
         SingleClusters(options, estimates, cluster.cameras, variance_factor));
-    if (cluster.cameras.size() < 2 || log_odds < std::log(options.min_odds)) {
+    if (cluster.cameras.size() < size_t(options.min_num_cameras) ||
+        log_odds < std::log(options.min_odds)) {
       continue;
     }
     SameCameras group;
@@ -294,6 +295,10 @@ bool CameraGroupingOptions::IsValid(std::string* error) const {
          CheckOption(
              prior_odds > 0, "prior_odds must be > 0", prior_odds, error) &&
          CheckOption(min_odds > 0, "min_odds must be > 0", min_odds, error) &&
+         CheckOption(min_num_cameras >= 2,
+                     "min_num_cameras must be >= 2",
+                     min_num_cameras,
+                     error) &&
          CheckOption(significance > 0 && significance < 0.5,
                      "significance must be in (0, 0.5)",
                      significance,
@@ -327,6 +332,18 @@ std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
     return a.cameras < b.cameras;
   });
   return groups;
+}
+
+bool AreConsistentWithZero(const CameraGroupingOptions& options,
+                           const Eigen::VectorXd& estimates,
+                           const Eigen::MatrixXd& covariance) {
+  DGSFM_CHECK(covariance.rows() == estimates.size() &&
+              covariance.cols() == estimates.size());
+  if (estimates.size() == 0) return true;
+  const double chi_square = estimates.dot(covariance.ldlt().solve(estimates)) /
+                            options.max_variance_factor;
+  return chi_square <=
+         ChiSquareQuantile(int(estimates.size()), options.significance);
 }
 
 }  // namespace dgsfm

@@ -24,6 +24,8 @@ struct CameraGroupingOptions {
   double prior_odds = 0.05;
   // Odds a group needs after that [1].
   double min_odds = 20;
+  // Cameras a group has at least: so many rarely agree by chance.
+  int min_num_cameras = 4;
   // Probability that a camera is taken from its group by mistake [1].
   double significance = 1e-3;
   // Probability that the spread of a parameter that does not differ is taken
@@ -42,7 +44,7 @@ struct CameraEstimates {
 };
 
 struct SameCameras {
-  // By index, ascending, at least two.
+  // By index, ascending.
   std::vector<int> cameras;
   // Spread of each parameter about the group's mean, beyond that of errors:
   // zero for the same.
@@ -65,11 +67,18 @@ struct SameCameras {
 // parameters of a cluster shows (median of Cochran's Q over its degrees of
 // freedom), once cameras that differ in them have left (chi-square of a camera
 // against the others under the joint covariance, the worst first). A group
-// whose members' odds multiply to less than min_odds is given up. Parameters
+// whose members' odds multiply to less than min_odds, or that has fewer than
+// min_num_cameras, is given up. Parameters
 // that spread more than errors explain get the excess (Paule and Mandel).
 //
 // Throws on sizes that do not match. Deterministic.
 std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
                                       const CameraEstimates& estimates);
+
+// Whether errors with the largest variance factor explain that estimates are
+// not zero: chi-square under their covariance.
+bool AreConsistentWithZero(const CameraGroupingOptions& options,
+                           const Eigen::VectorXd& estimates,
+                           const Eigen::MatrixXd& covariance);
 
 }  // namespace dgsfm

@@ -1,11 +1,13 @@
 #include "sfm/camera_groups.h"
 
 #include "estimators/median.h"
+#include "sfm/model_access.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <tuple>
+#include <utility>
 
 namespace dgsfm {
 
@@ -116,14 +118,90 @@ std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
   std::vector<CameraGroup> groups;
   for (const auto& [camera_class, blocks] : classes) {
     if (blocks.size() < 2) continue;
+    const double share =
+        double(blocks.size()) / double(posterior.camera_ids.size());
+    CameraGroupingOptions class_options = options;
+    class_options.prior_odds = std::max(options.prior_odds, share * share);
     const std::vector<int> refined = RefinedParams(blocks[0], posterior, model);
     const CameraEstimates estimates =
         EstimatesOf(blocks, refined, posterior, model);
-    for (const SameCameras& same : GroupCameras(options, estimates)) {
+    for (const SameCameras& same : GroupCameras(class_options, estimates)) {
       groups.push_back(GroupOf(same, blocks, refined, posterior, model));
     }
   }
   return groups;
+}
+
+bool PrincipalPointsAreAsGiven(const CameraGroupingOptions& options,
+                               const CameraMap& prior_cameras,
+                               const IntrinsicsPosterior& posterior) {
+  std::vector<int> params;
+  std::vector<double> deviations;
+  int first_param = 0;
+  for (const colmap::camera_t camera_id : posterior.camera_ids) {
+    const colmap::Camera& prior = prior_cameras.at(camera_id);
+    for (const size_t idx : prior.PrincipalPointIdxs()) {
+      const int param = first_param + int(idx);
+      if (posterior.covariance(param, param) == 0) continue;
+      params.push_back(param);
+      deviations.push_back(posterior.params(param) - prior.Params(idx));
+    }
+    first_param += int(prior.NumParams());
+  }
+  const auto size = Eigen::Index(params.size());
+  Eigen::MatrixXd covariance(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < size; ++j) {
+      covariance(i, j) = posterior.covariance(params[i], params[j]);
+    }
+  }
+  return AreConsistentWithZero(
+      options,
+      Eigen::Map<const Eigen::VectorXd>(deviations.data(), size),
+      covariance);
+}
+
+void ResetPrincipalPoints(const CameraMap& prior_cameras,
+                          colmap::Reconstruction* model) {
+  std::vector<colmap::camera_t> camera_ids;
+  for (const auto& [camera_id, camera] : model->Cameras()) {
+    camera_ids.push_back(camera_id);
+  }
+  for (const colmap::camera_t camera_id : camera_ids) {
+    const colmap::Camera& prior = prior_cameras.at(camera_id);
+    for (const size_t idx : prior.PrincipalPointIdxs()) {
+      model->Camera(camera_id).Params(idx) = prior.Params(idx);
+    }
+  }
+}
+
+void ShareIntrinsics(const std::vector<CameraGroup>& groups,
+                     colmap::Reconstruction* model) {
+  colmap::Reconstruction shared;
+  for (const auto& [image_id, original] : model->Images()) {
+    colmap::Image image = original;
+    for (const CameraGroup& group : groups) {
+      if (group.IsRigid() && group.Contains(image.CameraId())) {
+        image.SetCameraId(group.camera_ids.front());
+      }
+    }
+    if (!shared.ExistsCamera(image.CameraId())) {
+      shared.AddCamera(model->Camera(image.CameraId()));
+    }
+    for (colmap::point2D_t i = 0; i < image.NumPoints2D(); ++i) {
+      if (image.Point2D(i).HasPoint3D()) image.ResetPoint3DForPoint2D(i);
+    }
+    image.SetRegistered(false);
+    shared.AddImage(image);
+    if (original.IsRegistered()) shared.RegisterImage(image_id);
+  }
+  for (const colmap::point3D_t point_id : SortedPoints(*model)) {
+    const colmap::Point3D& point = model->Point3D(point_id);
+    const colmap::point3D_t shared_id =
+        shared.AddPoint3D(point.XYZ(), point.Track(), point.Color());
+    shared.Point3D(shared_id).SetError(point.Error());
+  }
+  *model = std::move(shared);
 }
 
 }  // namespace dgsfm

@@ -275,8 +275,9 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   }
 
   const bool success = PositionModel(model.get()) && AdjustModel(model.get());
+  CameraTies ties;
   if (success && !options_.skip_retriangulation) {
-    RetriangulateModel(*pairs, model.get());
+    ties = RetriangulateModel(*pairs, model.get());
   }
   FinishModel(model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
@@ -288,6 +289,8 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     }
     return nullptr;
   }
+  SummarizeCameras(ties, *model);
+  if (options_.share_intrinsics) ShareIntrinsics(ties.groups, model.get());
   return model;
 }
 
@@ -343,9 +346,9 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   return model->NumPoints3D() > 0;
 }
 
-void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
-                                           colmap::Reconstruction* model) {
-  std::vector<CameraGroup> groups;
+DepthGlobalMapper::CameraTies DepthGlobalMapper::RetriangulateModel(
+    const PairGeometries& pairs, colmap::Reconstruction* model) {
+  CameraTies ties;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     colmap::CorrespondenceGraph graph;
@@ -356,11 +359,8 @@ void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
                              *model,
                              &graph);
     const size_t num_gained = Retriangulate(options_.refinement, graph, model);
-    BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
-    adjustment.intrinsics.refine_principal_point =
-        options_.refinement.refine_principal_point;
     const std::optional<double> rms =
-        AdjustModelBundle(adjustment, groups, model);
+        AdjustModelBundle(FinalAdjustment(ties), ties.groups, model);
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
     timer.Add("observations_gained", double(num_gained))
@@ -370,33 +370,80 @@ void DepthGlobalMapper::RetriangulateModel(const PairGeometries& pairs,
     timer.Finish(&result_.stages);
     const double num_observations = double(model->ComputeNumObservations());
     if (round == 0 && !options_.skip_camera_grouping) {
-      groups = GroupCamerasOf(adjustment, *model);
+      ties = TieCameras(model);
     }
-    if (groups.empty() && double(num_gained + num_filtered) <
-                              kMinFilteredShare * num_observations) {
+    if (ties.groups.empty() && !ties.hold_principal_points &&
+        double(num_gained + num_filtered) <
+            kMinFilteredShare * num_observations) {
       break;
     }
   }
+  return ties;
 }
 
-std::vector<CameraGroup> DepthGlobalMapper::GroupCamerasOf(
-    const BundleAdjustmentOptions& adjustment,
-    const colmap::Reconstruction& model) {
+BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment(
+    const CameraTies& ties) const {
+  BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
+  adjustment.intrinsics.refine_principal_point =
+      options_.refinement.refine_principal_point && !ties.hold_principal_points;
+  return adjustment;
+}
+
+DepthGlobalMapper::CameraTies DepthGlobalMapper::TieCameras(
+    colmap::Reconstruction* model) {
   StageTimer timer("camera_grouping");
   const std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(adjustment, prior_cameras_, {}, model);
-  std::vector<CameraGroup> groups;
+      EstimateIntrinsicsPosterior(
+          FinalAdjustment({}), prior_cameras_, {}, *model);
+  CameraTies ties;
   if (posterior) {
-    groups = FindCameraGroups(options_.camera_grouping, *posterior, model);
+    ties.groups =
+        FindCameraGroups(options_.camera_grouping, *posterior, *model);
+    ties.hold_principal_points =
+        ties.groups.empty() &&
+        PrincipalPointsAreAsGiven(
+            options_.camera_grouping, prior_cameras_, *posterior);
   }
+  if (ties.hold_principal_points) ResetPrincipalPoints(prior_cameras_, model);
   size_t num_cameras = 0;
-  for (const CameraGroup& group : groups) {
+  for (const CameraGroup& group : ties.groups) {
     num_cameras += group.camera_ids.size();
   }
-  timer.Add("groups", double(groups.size()))
-      .Add("cameras", double(num_cameras));
+  timer.Add("groups", double(ties.groups.size()))
+      .Add("cameras", double(num_cameras))
+      .Add("principal_points_held", ties.hold_principal_points);
   timer.Finish(&result_.stages);
-  return groups;
+  return ties;
+}
+
+void DepthGlobalMapper::SummarizeCameras(const CameraTies& ties,
+                                         const colmap::Reconstruction& model) {
+  const BundleAdjustmentOptions adjustment = FinalAdjustment(ties);
+  for (const auto& [camera_id, camera] : model.Cameras()) {
+    CameraResult& result = result_.cameras[camera_id];
+    result.params = camera.Params();
+    const Eigen::VectorXd stddevs =
+        PriorStddevs(adjustment.intrinsics, prior_cameras_.at(camera_id));
+    result.prior_stddevs.assign(stddevs.begin(), stddevs.end());
+    result.group = camera_id;
+  }
+  for (const CameraGroup& group : ties.groups) {
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      CameraResult& result = result_.cameras.at(camera_id);
+      result.group = group.camera_ids.front();
+      result.group_stddevs.assign(group.stddevs.begin(), group.stddevs.end());
+    }
+  }
+  const std::optional<IntrinsicsPosterior> posterior =
+      EstimateIntrinsicsPosterior(
+          adjustment, prior_cameras_, ties.groups, model);
+  if (!posterior) return;
+  for (const auto& [camera_id, camera] : model.Cameras()) {
+    CameraResult& result = result_.cameras.at(camera_id);
+    const Eigen::VectorXd stddevs = posterior->StddevsOf(
+        result.group_stddevs.empty() ? result.group : camera_id, model);
+    result.stddevs.assign(stddevs.begin(), stddevs.end());
+  }
 }
 
 void DepthGlobalMapper::FinishModel(colmap::Reconstruction* model) {

@@ -36,6 +36,8 @@ struct DepthGlobalMapperOptions {
   int min_model_size = 3;
   // Whether every component becomes a model, or only the largest.
   bool multiple_models = true;
+  // Whether cameras that turn out to be the same become one in the models.
+  bool share_intrinsics = false;
   // Threads of all stages; -1 = all cores.
   int num_threads = -1;
 
@@ -62,11 +64,25 @@ struct DepthGlobalMapperOptions {
   bool IsValid(std::string* error) const;
 };
 
+// Intrinsics of a camera in its model, parameters in COLMAP's order [px, 1].
+struct CameraResult {
+  std::vector<double> params;
+  // Standard deviations of the database's values, 0 where held and infinite
+  // where there is no prior, and of `params`; empty where not known.
+  std::vector<double> prior_stddevs;
+  std::vector<double> stddevs;
+  // Smallest camera id of its group, or its own.
+  colmap::camera_t group = colmap::kInvalidCameraId;
+  // Of the parameters about the mean of the group; empty if they are the same.
+  std::vector<double> group_stddevs;
+};
+
 struct DepthGlobalMapperResult {
   // Largest first; each has at least min_model_size registered images.
   std::vector<std::unique_ptr<colmap::Reconstruction>> models;
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;
+  std::map<colmap::camera_t, CameraResult> cameras;
   // Why each image of no model is missing.
   std::map<colmap::image_t, std::string> unregistered_images;
   // Depth-map factors of the registered images against their model.
@@ -91,6 +107,11 @@ class DepthGlobalMapper {
 
  private:
   using ImageIds = std::vector<colmap::image_t>;
+  // What a first adjustment of the complete model tells about its cameras.
+  struct CameraTies {
+    std::vector<CameraGroup> groups;
+    bool hold_principal_points = false;
+  };
 
   void DropUnreliableDepths(PairGeometries* pairs);
   // Verifies pairs once more, with other cameras or fewer depth maps.
@@ -115,11 +136,13 @@ class DepthGlobalMapper {
       const std::vector<CameraGroup>& groups,
       colmap::Reconstruction* model);
   bool AdjustModel(colmap::Reconstruction* model);
-  void RetriangulateModel(const PairGeometries& pairs,
-                          colmap::Reconstruction* model);
-  std::vector<CameraGroup> GroupCamerasOf(
-      const BundleAdjustmentOptions& adjustment,
-      const colmap::Reconstruction& model);
+  CameraTies RetriangulateModel(const PairGeometries& pairs,
+                                colmap::Reconstruction* model);
+  CameraTies TieCameras(colmap::Reconstruction* model);
+  // Of the adjustment of the complete model.
+  BundleAdjustmentOptions FinalAdjustment(const CameraTies& ties) const;
+  void SummarizeCameras(const CameraTies& ties,
+                        const colmap::Reconstruction& model);
   void FinishModel(colmap::Reconstruction* model);
   void ExplainMissingImages(const PairGeometries& pairs);
 

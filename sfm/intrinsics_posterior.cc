@@ -221,6 +221,19 @@ class PosteriorProblem {
 
 }  // namespace
 
+Eigen::VectorXd IntrinsicsPosterior::StddevsOf(
+    colmap::camera_t camera_id, const colmap::Reconstruction& model) const {
+  Eigen::Index first = 0;
+  for (const colmap::camera_t other_id : camera_ids) {
+    const auto num_params = Eigen::Index(model.Camera(other_id).NumParams());
+    if (other_id == camera_id) {
+      return covariance.diagonal().segment(first, num_params).cwiseSqrt();
+    }
+    first += num_params;
+  }
+  return {};
+}
+
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
     const CameraMap& prior_cameras,

@@ -20,6 +20,11 @@ struct IntrinsicsPosterior {
   Eigen::MatrixXd covariance;
   // Scale of the image errors, from the residuals [px].
   double keypoint_stddev_px = 0;
+
+  // Standard deviations of the parameters of a camera; empty if it has no
+  // observations.
+  Eigen::VectorXd StddevsOf(colmap::camera_t camera_id,
+                            const colmap::Reconstruction& model) const;
 };
 
 // Covariance of all intrinsics at the minimum of AdjustBundle with the same
@@ -27,7 +32,7 @@ struct IntrinsicsPosterior {
 // of the soft-L1 costs and priors, times the variance of the estimates that the
 // residuals show (Huber, Robust Statistics, Eq. 7.81). Nothing if there are
 // more images than a dense matrix allows, or no more observations than
-// unknowns.
+// unknowns. Groups that are not rigid are not taken into account.
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
     const CameraMap& prior_cameras,

@@ -12,7 +12,7 @@ namespace {
 constexpr double kKeypointStddev = 0.5;
 
 // One camera entry for each image, true poses and points, noisy key points.
-SyntheticScene CreateScene(int num_distinct_cameras) {
+SyntheticScene CreateScene(int num_distinct_cameras, double crop_ratio = 0) {
   SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::RING);
   options.num_images = 12;
   options.num_points_per_image = 300;
@@ -22,13 +22,14 @@ SyntheticScene CreateScene(int num_distinct_cameras) {
   options.camera.num_distinct_cameras = num_distinct_cameras;
   options.camera.max_log_focal_offset = 0.3;
   options.camera.max_distortion_offset = 0.05;
+  options.camera.crop_ratio = crop_ratio;
   return SynthesizeScene(options);
 }
 
 class AdjustedScene {
  public:
-  explicit AdjustedScene(int num_distinct_cameras)
-      : synthetic_(CreateScene(num_distinct_cameras)),
+  explicit AdjustedScene(int num_distinct_cameras, double crop_ratio = 0)
+      : synthetic_(CreateScene(num_distinct_cameras, crop_ratio)),
         prior_cameras_(SceneFromSynthetic(synthetic_).cameras),
         model_(ReconstructionFromSynthetic(synthetic_)) {
     for (const auto& [camera_id, camera] : prior_cameras_) {
@@ -47,6 +48,8 @@ class AdjustedScene {
     return EstimateIntrinsicsPosterior(
         options_, prior_cameras_, groups, model_);
   }
+
+  const CameraMap& PriorCameras() const { return prior_cameras_; }
 
   const colmap::Reconstruction& Model() const { return model_; }
 
@@ -170,6 +173,34 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
     EXPECT_NEAR(camera.Params(3),
                 prior.Params(3),
                 options.intrinsics.extra_params_stddev);
+  }
+}
+
+TEST(ShareIntrinsics, MergesCamerasOfRigidGroupsOnly) {
+  AdjustedScene scene(2);
+  colmap::Reconstruction model = scene.Model();
+  CameraGroup rigid, soft;
+  rigid.camera_ids = {1, 3, 5};
+  soft.camera_ids = {2, 4};
+  soft.stddevs = Eigen::Vector4d::Ones();
+  ShareIntrinsics({rigid, soft}, &model);
+  EXPECT_EQ(model.NumCameras(), 10);
+  EXPECT_EQ(model.Image(5).CameraId(), 1);
+  EXPECT_EQ(model.Image(4).CameraId(), 4);
+  EXPECT_EQ(model.NumRegImages(), scene.Model().NumRegImages());
+  EXPECT_EQ(model.NumPoints3D(), scene.Model().NumPoints3D());
+  EXPECT_EQ(model.ComputeNumObservations(),
+            scene.Model().ComputeNumObservations());
+}
+
+TEST(PrincipalPointsAreAsGiven, UnlessTheImagesAreCrops) {
+  for (const bool are_crops : {false, true}) {
+    AdjustedScene scene(0, are_crops ? 1 : 0);
+    ASSERT_TRUE(scene.Adjust());
+    EXPECT_EQ(
+        PrincipalPointsAreAsGiven(
+            CameraGroupingOptions(), scene.PriorCameras(), *scene.Posterior()),
+        !are_crops);
   }
 }
 
