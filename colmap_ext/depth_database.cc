@@ -329,6 +329,38 @@ void DepthDatabase::DeleteAllPairGeometries() {
       [&] { impl_->connection.Execute("DELETE FROM dgsfm_pair_geometries"); });
 }
 
+void DepthDatabase::WritePairStatuses(
+    const std::map<colmap::image_pair_t, PairStatus>& statuses) {
+  impl_->RunWrite([&] {
+    CreatePairStatusTable(impl_->connection);
+    impl_->connection.Execute("DELETE FROM dgsfm_pair_statuses");
+    SqliteStatement insert(impl_->connection,
+                           "INSERT INTO dgsfm_pair_statuses(pair_id, status, "
+                           "name) VALUES (?, ?, ?)");
+    for (const auto& [pair_id, status] : statuses) {
+      insert.BindInt(1, static_cast<int64_t>(pair_id))
+          .BindInt(2, static_cast<int>(status))
+          .BindText(3, PairStatusName(status))
+          .Run();
+    }
+  });
+}
+
+std::map<colmap::image_pair_t, PairStatus> DepthDatabase::ReadPairStatuses()
+    const {
+  std::map<colmap::image_pair_t, PairStatus> statuses;
+  if (!impl_->connection.HasTable("dgsfm_pair_statuses")) return statuses;
+  SqliteStatement select(
+      impl_->connection,
+      "SELECT pair_id, status FROM dgsfm_pair_statuses ORDER BY pair_id");
+  while (select.Step()) {
+    statuses.emplace_hint(statuses.end(),
+                          static_cast<colmap::image_pair_t>(select.Int(0)),
+                          static_cast<PairStatus>(select.Int(1)));
+  }
+  return statuses;
+}
+
 void DepthDatabase::BeginTransaction() {
   DGSFM_CHECK(impl_->mode == Mode::READ_WRITE) << impl_->connection.Path();
   DGSFM_CHECK(!impl_->transaction) << "transactions do not nest";

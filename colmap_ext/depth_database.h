@@ -74,6 +74,13 @@ class DepthDatabase {
   void DeletePairGeometries(const std::vector<colmap::image_pair_t>& pair_ids);
   void DeleteAllPairGeometries();
 
+  // Replaces the table of pair statuses: what a mapper made of each pair, while
+  // the geometries keep what verification said. It is created where missing.
+  void WritePairStatuses(
+      const std::map<colmap::image_pair_t, PairStatus>& statuses);
+  // Empty if no mapper has written any.
+  std::map<colmap::image_pair_t, PairStatus> ReadPairStatuses() const;
+
   // Makes all writes until CommitTransaction() one transaction; without the
   // commit the destructor undoes them.
   void BeginTransaction();

@@ -49,6 +49,13 @@ CREATE TABLE dgsfm_pair_geometries (
   fingerprint      INTEGER NOT NULL);
 )";
 
+constexpr char kCreatePairStatusTable[] = R"(
+CREATE TABLE IF NOT EXISTS dgsfm_pair_statuses (
+  pair_id INTEGER PRIMARY KEY NOT NULL,
+  status  INTEGER NOT NULL,
+  name    TEXT NOT NULL);
+)";
+
 constexpr char kUpdateFromVersion1[] = R"(
 ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN focal_length REAL NOT NULL DEFAULT 0;
@@ -86,6 +93,10 @@ bool HasDepthTables(const SqliteConnection& connection) {
 void CreateDepthTables(const SqliteConnection& connection) {
   connection.Execute(kCreateDepthTables);
   connection.Execute(kCreatePairTable);
+}
+
+void CreatePairStatusTable(const SqliteConnection& connection) {
+  connection.Execute(kCreatePairStatusTable);
 }
 
 void UpdateDepthTables(const SqliteConnection& connection) {

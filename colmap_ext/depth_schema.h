@@ -13,6 +13,10 @@ bool HasDepthTables(const SqliteConnection& connection);
 // Creates the tables in an open transaction.
 void CreateDepthTables(const SqliteConnection& connection);
 
+// Creates the table of pair statuses in an open transaction where it is
+// missing: only mappers write it.
+void CreatePairStatusTable(const SqliteConnection& connection);
+
 // Brings tables of an older version up to date: depth stays, pair geometries of
 // version 1 are dropped. Nothing happens without tables.
 void UpdateDepthTables(const SqliteConnection& connection);

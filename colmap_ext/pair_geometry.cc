@@ -30,6 +30,8 @@ std::string PairStatusName(PairStatus status) {
       return "stationary";
     case PairStatus::TRANSLATION_OUTLIER:
       return "translation_outlier";
+    case PairStatus::MODEL_OUTLIER:
+      return "model_outlier";
   }
   throw std::invalid_argument("unknown pair status " +
                               std::to_string(static_cast<int>(status)));

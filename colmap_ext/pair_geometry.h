@@ -31,6 +31,7 @@ enum class PairStatus : int {
   ROTATION_OUTLIER = 9,
   STATIONARY = 10,           // the matches do not move, as those of a watermark
   TRANSLATION_OUTLIER = 11,  // contradicts the loops that it is part of
+  MODEL_OUTLIER = 12,        // too few matches agree with the finished model
 };
 
 // Name as in logs and report.json, e.g. "too_few_inliers".

@@ -73,6 +73,7 @@ bool GlobalDepthMapper::Run() {
                     scene,
                     pairs,
                     result);
+  if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
   size_t num_registered = 0;
   for (const auto& model : result.models) {
@@ -133,6 +134,23 @@ void GlobalDepthMapper::WriteModels(DepthGlobalMapperResult* result) {
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);
+}
+
+// The models are what the user waits for: a database that cannot be written is
+// no reason to fail at the end.
+void GlobalDepthMapper::WritePairStatuses(const PairGeometries& pairs) const {
+  std::map<colmap::image_pair_t, PairStatus> statuses;
+  for (const auto& [pair_id, pair] : pairs) {
+    statuses.emplace_hint(statuses.end(), pair_id, pair.status);
+  }
+  try {
+    DepthDatabase(options_.verifier.database_path,
+                  DepthDatabase::Mode::READ_WRITE)
+        .WritePairStatuses(statuses);
+  } catch (const std::runtime_error& error) {
+    LOG(WARNING) << "The statuses of the pairs are only in " << kReportFile
+                 << ", not in the database: " << error.what();
+  }
 }
 
 int RunDepthGlobalMapper(int argc, char** argv) {

@@ -22,6 +22,7 @@ class GlobalDepthMapper {
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages);
   void WriteModels(DepthGlobalMapperResult* result);
+  void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;
 };

@@ -159,6 +159,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->mapper.share_intrinsics,
                        "one camera in the model for images whose cameras turn "
                        "out to be the same");
+  command_options->Add("write_pair_statuses",
+                       &options->write_pair_statuses,
+                       "whether the database gets the status of each pair, in "
+                       "its table dgsfm_pair_statuses");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
   BindMapper(&options->mapper, command_options);

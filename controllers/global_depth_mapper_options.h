@@ -16,6 +16,8 @@ struct GlobalDepthMapperOptions {
   std::string output_path;
   // File of pair scores, see ReadPairScores; empty = none.
   std::string pair_scores_path;
+  // Whether the database gets the status of each pair (dgsfm_pair_statuses).
+  bool write_pair_statuses = true;
   DepthGeometricVerifierOptions verifier;
   DepthGlobalMapperOptions mapper;
   // The method and thresholds of the paper.

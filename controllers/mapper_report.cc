@@ -79,6 +79,27 @@ Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   return entries;
 }
 
+// One line a pair: large collections have hundreds of thousands.
+std::string PairLines(const Scene& scene,
+                      const PairGeometries& pairs,
+                      const DepthGlobalMapperResult& result) {
+  std::string lines;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    Json entry = {{"image1", scene.images.at(image_id1).Name()},
+                  {"image2", scene.images.at(image_id2).Name()},
+                  {"status", PairStatusName(pair.status)},
+                  {"num_matches", pair.num_matches},
+                  {"num_inliers", pair.inlier_matches.size()}};
+    const auto readmitted = result.readmitted_pairs.find(pair_id);
+    if (readmitted != result.readmitted_pairs.end()) {
+      entry["readmitted_from"] = PairStatusName(readmitted->second);
+    }
+    lines += (lines.empty() ? "\n    " : ",\n    ") + entry.dump();
+  }
+  return lines;
+}
+
 }  // namespace
 
 void WriteMapperReport(const std::string& path,
@@ -101,8 +122,11 @@ void WriteMapperReport(const std::string& path,
   }
   report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result);
+  std::string text = report.dump(2);
+  text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
   std::ofstream file(path);
-  file << report.dump(2) << std::endl;
+  file << text << ",\n  \"view_graph\": [" << PairLines(scene, pairs, result)
+       << "\n  ]\n}" << std::endl;
   if (!file) throw std::runtime_error("cannot write " + path);
 }
 

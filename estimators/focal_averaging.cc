@@ -34,7 +34,8 @@ double WeightedMedian(std::vector<WeightedValue> values) {
   return values.back().value;
 }
 
-// Up to here the normal equations are cheaper dense than sparse.
+// Up to here the normal equations are cheaper dense than by conjugate
+// gradients; sparse factors fill in: 13 times slower with 4000 cameras.
 constexpr int kMaxNumDenseCameras = 50;
 
 // Estimates that end within this of a bound count as outside [log ratio].
@@ -47,7 +48,7 @@ bool Solve(int max_num_iterations, ceres::Problem* problem) {
   options.linear_solver_type =
       problem->NumParameterBlocks() <= kMaxNumDenseCameras
           ? ceres::DENSE_NORMAL_CHOLESKY
-          : ceres::SPARSE_NORMAL_CHOLESKY;
+          : ceres::CGNR;
   options.jacobi_scaling = true;
   options.max_num_iterations = max_num_iterations;
   options.function_tolerance = 1e-10;

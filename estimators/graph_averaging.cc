@@ -66,29 +66,32 @@ bool AverageReweighted(
     const GraphAveragingOptions& options,
     const std::vector<GraphEdge>& edges,
     const Eigen::VectorXd& stddevs,
+    const Eigen::VectorXd& weights,
     const Eigen::VectorXd& l1_trust,
     const std::function<Eigen::MatrixXd()>& compute_residuals,
     const std::function<void(const Eigen::MatrixXd&)>& apply_steps,
     GraphLaplacianSolver* solver) {
-  const Eigen::VectorXd inverse_variances = stddevs.array().square().inverse();
-  const Phase l1_phase{l1_trust.cwiseProduct(inverse_variances),
+  const Eigen::VectorXd edge_weights =
+      weights.array() / stddevs.array().square();
+  const Phase l1_phase{l1_trust.cwiseProduct(edge_weights),
                        L1Weight(kL1Floor),
                        options.max_num_l1_iterations,
                        std::max(kL1Floor, options.convergence_threshold)};
-  const Phase redescending_phase{inverse_variances,
+  const Phase redescending_phase{edge_weights,
                                  GemanMcClureWeight(options.loss_scale),
                                  options.max_num_irls_iterations,
                                  options.convergence_threshold};
-  Eigen::VectorXd weights(stddevs.size());
+  Eigen::VectorXd robust_weights(stddevs.size());
   Eigen::MatrixXd steps;
   for (const Phase& phase : {l1_phase, redescending_phase}) {
     for (int i = 0; i < phase.max_num_iterations; ++i) {
       const Eigen::MatrixXd residuals = compute_residuals();
-      for (Eigen::Index e = 0; e < weights.size(); ++e) {
-        weights(e) = phase.edge_weights(e) *
-                     phase.robust_weight(residuals.row(e).norm() / stddevs(e));
+      for (Eigen::Index e = 0; e < robust_weights.size(); ++e) {
+        robust_weights(e) =
+            phase.edge_weights(e) *
+            phase.robust_weight(residuals.row(e).norm() / stddevs(e));
       }
-      if (!solver->Solve(weights, residuals, &steps)) return false;
+      if (!solver->Solve(robust_weights, residuals, &steps)) return false;
       apply_steps(steps);
       if (MeanChange(edges, stddevs, steps) < phase.convergence_threshold) {
         break;
@@ -128,6 +131,7 @@ bool AverageDifferences(int num_nodes,
           options,
           edges,
           stddevs,
+          Eigen::VectorXd::Ones(stddevs.size()),
           Eigen::VectorXd::Ones(stddevs.size()),
           compute_residuals,
           [&](const Eigen::MatrixXd& steps) { estimates += steps; },

@@ -37,7 +37,7 @@ std::function<double(double)> L1Weight(double floor);
 // loss rho(r) = s^2 r^2 / (s^2 + r^2); w(0) = 1.
 std::function<double(double)> GemanMcClureWeight(double scale);
 
-// Minimises sum_e rho(|r_e| / stddev_e) over the nodes, first with
+// Minimises sum_e weight_e rho(|r_e| / stddev_e) over the nodes, first with
 // rho(x) = x, times l1_trust_e > 0, then with the Geman-McClure loss, which
 // needs a start free of most outliers. compute_residuals gives the
 // residuals r (E x K), towards which the differences x_2 - x_1 of the steps
@@ -47,6 +47,7 @@ std::function<double(double)> GemanMcClureWeight(double scale);
     const GraphAveragingOptions& options,
     const std::vector<GraphEdge>& edges,
     const Eigen::VectorXd& stddevs,
+    const Eigen::VectorXd& weights,
     const Eigen::VectorXd& l1_trust,
     const std::function<Eigen::MatrixXd()>& compute_residuals,
     const std::function<void(const Eigen::MatrixXd&)>& apply_steps,

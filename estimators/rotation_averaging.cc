@@ -116,18 +116,26 @@ bool AverageRotations(int num_nodes,
   std::vector<RelativeRotation> relatives = relative_rotations;
   std::vector<GraphEdge> edges;
   Eigen::VectorXd stddevs(relatives.size());
+  Eigen::VectorXd weights(relatives.size());
   for (RelativeRotation& relative : relatives) {
     DGSFM_CHECK(relative.node1 != relative.node2)
         << "self-loop at node " << relative.node1;
     relative.cam2_from_cam1 = NormalizedChecked(relative.cam2_from_cam1);
     edges.emplace_back(relative.node1, relative.node2);
     stddevs(edges.size() - 1) = relative.stddev_rad;
+    DGSFM_CHECK(std::isfinite(relative.weight) && relative.weight > 0)
+        << "weight of edge " << edges.size() - 1 << " = " << relative.weight;
+    weights(edges.size() - 1) = relative.weight;
   }
   CheckStddevs(stddevs);
   const std::vector<double> num_closing_triangles =
       CountClosingTriangles(num_nodes, edges, relatives);
+  std::vector<double> tree_weights = num_closing_triangles;
+  for (size_t e = 0; e < tree_weights.size(); ++e) {
+    tree_weights[e] = weights(e) * (1 + tree_weights[e]);
+  }
   const SpanningTree tree =
-      MaximumSpanningTree(num_nodes, edges, num_closing_triangles, fixed_node);
+      MaximumSpanningTree(num_nodes, edges, tree_weights, fixed_node);
   if (static_cast<int>(tree.order.size()) < num_nodes) return false;
 
   std::vector<Eigen::Quaterniond> estimates;
@@ -153,6 +161,7 @@ bool AverageRotations(int num_nodes,
           options,
           edges,
           stddevs,
+          weights,
           TrustOf(num_closing_triangles),
           [&]() { return ComputeResiduals(relatives, estimates); },
           apply_steps,

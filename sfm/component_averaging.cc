@@ -3,6 +3,7 @@
 #include "estimators/graph.h"
 #include "estimators/median.h"
 #include "estimators/option_check.h"
+#include "sfm/pair_evidence.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,27 +14,133 @@ namespace dgsfm {
 
 namespace {
 
-// Takes out the pairs that are off the rotations; edges are those that stay.
-size_t FilterByRotation(const std::vector<Eigen::Quaterniond>& cam_from_world,
-                        double max_error_deg,
-                        const std::vector<IndexedPair>& valid_pairs,
-                        std::vector<GraphEdge>* edges) {
-  size_t num_filtered = 0;
-  for (const IndexedPair& indexed : valid_pairs) {
+// Strong pairs among the outliers are kept by this factor of their weight in
+// the averages that are tried instead.
+constexpr double kKeptWeightFactor = 100;
+constexpr double kStrongProbability = 0.9;
+// Fewer strong outliers are accidents.
+constexpr int kMinNumStrongOutliers = 3;
+constexpr int kMaxNumAlternatives = 3;
+// Missing matches below this are within what true pairs show [nat].
+constexpr double kMaxMissingMatches = 12;
+// Inliers of look-alikes have one cause, which pairs share: their evidence
+// counts less than that of missing matches.
+constexpr double kOutlierCostFactor = 0.25;
+
+const std::vector<Eigen::Quaterniond> kNoStart;
+
+// Rotations of the images and the pairs that are off.
+struct RotationAverage {
+  std::vector<Eigen::Quaterniond> cam_from_world;
+  std::vector<char> is_outlier;
+};
+
+std::optional<RotationAverage> AverageRotationsKeeping(
+    const ComponentAveragingOptions& options,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& valid_pairs,
+    const std::vector<double>& weight_factors,
+    const std::vector<Eigen::Quaterniond>& start) {
+  RotationAverage average;
+  average.cam_from_world = start;
+  std::vector<RelativeRotation> relative_rotations;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    const PairGeometry& pair = *valid_pairs[i].pair;
+    RelativeRotation& relative = relative_rotations.emplace_back();
+    relative.node1 = valid_pairs[i].image1;
+    relative.node2 = valid_pairs[i].image2;
+    relative.cam2_from_cam1 = pair.cam2_from_cam1.rotation;
+    relative.weight = PairEvidence(pair) * weight_factors[i];
+  }
+  if (!AverageRotations(index.Size(),
+                        relative_rotations,
+                        /*fixed_node=*/0,
+                        options.rotation_averaging,
+                        &average.cam_from_world)) {
+    return std::nullopt;
+  }
+  for (const RelativeRotation& relative : relative_rotations) {
     const Eigen::Quaterniond predicted =
-        cam_from_world[indexed.image2] *
-        cam_from_world[indexed.image1].conjugate();
-    const double error_deg =
-        predicted.angularDistance(indexed.pair->cam2_from_cam1.rotation) * 180 /
-        M_PI;
-    if (error_deg > max_error_deg) {
-      indexed.pair->status = PairStatus::ROTATION_OUTLIER;
-      ++num_filtered;
-    } else {
-      edges->emplace_back(indexed.image1, indexed.image2);
+        average.cam_from_world[relative.node2] *
+        average.cam_from_world[relative.node1].conjugate();
+    average.is_outlier.push_back(
+        predicted.angularDistance(relative.cam2_from_cam1) * 180 / M_PI >
+        options.max_rotation_error_deg);
+  }
+  return average;
+}
+
+// What speaks against an average: outliers that had evidence, and matches that
+// the other pairs miss [nat].
+double CostOf(const RotationAverage& average,
+              const std::vector<IndexedPair>& valid_pairs,
+              const std::vector<double>& missing_matches) {
+  double cost = 0;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    cost += average.is_outlier[i]
+                ? kOutlierCostFactor * PairEvidence(*valid_pairs[i].pair)
+                : missing_matches[i];
+  }
+  return cost;
+}
+
+// Raises the weight of strong pairs among the outliers; their number.
+int KeepStrongOutliers(const RotationAverage& average,
+                       const std::vector<IndexedPair>& valid_pairs,
+                       std::vector<double>* weight_factors) {
+  int num_strong = 0;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    double& factor = (*weight_factors)[i];
+    if (!average.is_outlier[i] || factor != 1 ||
+        PairProbability(*valid_pairs[i].pair) < kStrongProbability) {
+      continue;
+    }
+    factor = kKeptWeightFactor;
+    ++num_strong;
+  }
+  return num_strong;
+}
+
+std::optional<RotationAverage> FindBestAverage(
+    const ComponentAveragingOptions& options,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& valid_pairs,
+    const MissingMatches& missing_matches) {
+  std::vector<double> weight_factors(valid_pairs.size(), 1);
+  std::optional<RotationAverage> best = AverageRotationsKeeping(
+      options, index, valid_pairs, weight_factors, kNoStart);
+  if (!best || KeepStrongOutliers(*best, valid_pairs, &weight_factors) <
+                   kMinNumStrongOutliers) {
+    return best;
+  }
+  std::vector<double> missing;
+  std::vector<double> trusted_factors;
+  for (const IndexedPair& indexed : valid_pairs) {
+    const double evidence = missing_matches.EvidenceAgainst(
+        PairIdOfImages(index.IdOf(indexed.image1), index.IdOf(indexed.image2)));
+    missing.push_back(evidence > kMaxMissingMatches ? evidence : 0);
+    trusted_factors.push_back(std::exp(-missing.back() / 4));
+  }
+  double best_cost = CostOf(*best, valid_pairs, missing);
+  for (std::vector<double> factors : {weight_factors, trusted_factors}) {
+    for (int i = 0; i < kMaxNumAlternatives; ++i) {
+      std::optional<RotationAverage> average = AverageRotationsKeeping(
+          options, index, valid_pairs, factors, kNoStart);
+      if (!average) break;
+      const double cost = CostOf(*average, valid_pairs, missing);
+      const int num_strong =
+          KeepStrongOutliers(*average, valid_pairs, &factors);
+      LOG(INFO) << "Rotations that keep " << num_strong
+                << " more strong pairs cost " << cost << " instead of "
+                << best_cost;
+      if (cost < best_cost) {
+        best_cost = cost;
+        best = std::move(average);
+      }
+      if (num_strong < kMinNumStrongOutliers) break;
     }
   }
-  return num_filtered;
+  return best;
 }
 
 // Cuts off all images but those of the largest part that the edges connect.
@@ -143,31 +250,33 @@ bool ComponentAveragingOptions::IsValid(std::string* error) const {
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
     const std::vector<colmap::image_t>& image_ids,
+    const MissingMatches& missing_matches,
     PairGeometries* pairs) {
   ComponentRotations rotations;
   rotations.image_ids = image_ids;
   for (int round = 0; round < options.num_rotation_averaging_rounds; ++round) {
     const ImageIndex index(rotations.image_ids);
     const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
-    std::vector<RelativeRotation> relative_rotations;
-    for (const IndexedPair& indexed : valid_pairs) {
-      relative_rotations.push_back({indexed.image1,
-                                    indexed.image2,
-                                    indexed.pair->cam2_from_cam1.rotation});
-    }
-    if (!AverageRotations(index.Size(),
-                          relative_rotations,
-                          /*fixed_node=*/0,
-                          options.rotation_averaging,
-                          &rotations.cam_from_world)) {
-      return std::nullopt;
-    }
+    std::optional<RotationAverage> average =
+        round == 0
+            ? FindBestAverage(options, index, valid_pairs, missing_matches)
+            : AverageRotationsKeeping(
+                  options,
+                  index,
+                  valid_pairs,
+                  std::vector<double>(valid_pairs.size(), 1),
+                  rotations.cam_from_world);
+    if (!average) return std::nullopt;
+    rotations.cam_from_world = std::move(average->cam_from_world);
     std::vector<GraphEdge> edges;
-    rotations.num_pairs_filtered +=
-        FilterByRotation(rotations.cam_from_world,
-                         options.max_rotation_error_deg,
-                         valid_pairs,
-                         &edges);
+    for (size_t i = 0; i < valid_pairs.size(); ++i) {
+      if (average->is_outlier[i]) {
+        valid_pairs[i].pair->status = PairStatus::ROTATION_OUTLIER;
+        ++rotations.num_pairs_filtered;
+      } else {
+        edges.emplace_back(valid_pairs[i].image1, valid_pairs[i].image2);
+      }
+    }
     KeepLargestPart(index, edges, &rotations);
   }
   return rotations;

@@ -4,6 +4,7 @@
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
 #include "sfm/depth_reliability.h"
+#include "sfm/missing_matches.h"
 #include "sfm/model_access.h"
 
 #include <algorithm>
@@ -192,7 +193,10 @@ std::optional<ComponentRotations> DepthGlobalMapper::AverageRotationsOf(
   StageTimer timer("rotation_averaging");
   timer.Add("images", double(image_ids.size()));
   std::optional<ComponentRotations> rotations =
-      AverageComponentRotations(options_.averaging, image_ids, pairs);
+      AverageComponentRotations(options_.averaging,
+                                image_ids,
+                                MissingMatches(scene_, depths_, *pairs),
+                                pairs);
   if (!rotations) {
     LOG(ERROR) << "Rotation averaging failed for the component of image "
                << image_ids.front();
@@ -277,7 +281,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   const bool success = PositionModel(model.get()) && AdjustModel(model.get());
   CameraTies ties;
   if (success && !options_.skip_retriangulation) {
-    ties = RetriangulateModel(*pairs, model.get());
+    ties = RetriangulateModel(pairs, model.get());
   }
   FinishModel(model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
@@ -347,18 +351,19 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
 }
 
 DepthGlobalMapper::CameraTies DepthGlobalMapper::RetriangulateModel(
-    const PairGeometries& pairs, colmap::Reconstruction* model) {
+    PairGeometries* pairs, colmap::Reconstruction* model) {
   CameraTies ties;
+  std::unique_ptr<colmap::CorrespondenceGraph> graph;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
-    colmap::CorrespondenceGraph graph;
+    graph = std::make_unique<colmap::CorrespondenceGraph>();
     BuildCorrespondenceGraph(scene_,
-                             pairs,
+                             *pairs,
                              verification_,
                              options_.refinement.max_epipolar_error_px,
                              *model,
-                             &graph);
-    const size_t num_gained = Retriangulate(options_.refinement, graph, model);
+                             graph.get());
+    const size_t num_gained = Retriangulate(options_.refinement, *graph, model);
     const std::optional<double> rms =
         AdjustModelBundle(FinalAdjustment(ties), ties.groups, model);
     const size_t num_filtered =
@@ -378,6 +383,7 @@ DepthGlobalMapper::CameraTies DepthGlobalMapper::RetriangulateModel(
       break;
     }
   }
+  JudgePairsByModel(*model, *graph, pairs);
   return ties;
 }
 
@@ -443,6 +449,28 @@ void DepthGlobalMapper::SummarizeCameras(const CameraTies& ties,
     const Eigen::VectorXd stddevs = posterior->StddevsOf(
         result.group_stddevs.empty() ? result.group : camera_id, model);
     result.stddevs.assign(stddevs.begin(), stddevs.end());
+  }
+}
+
+// Of pairs between images of the model only: about others it knows nothing.
+void DepthGlobalMapper::JudgePairsByModel(
+    const colmap::Reconstruction& model,
+    const colmap::CorrespondenceGraph& graph,
+    PairGeometries* pairs) {
+  const auto is_registered = [&](colmap::image_t image_id) {
+    return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
+  };
+  for (auto& [pair_id, pair] : *pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (!is_registered(image_id1) || !is_registered(image_id2)) continue;
+    const bool agrees =
+        graph.NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
+    if (agrees && pair.status != PairStatus::VALID) {
+      result_.readmitted_pairs.emplace(pair_id, pair.status);
+      pair.status = PairStatus::VALID;
+    } else if (!agrees && pair.status == PairStatus::VALID) {
+      pair.status = PairStatus::MODEL_OUTLIER;
+    }
   }
 }
 

@@ -83,6 +83,9 @@ struct DepthGlobalMapperResult {
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;
   std::map<colmap::camera_t, CameraResult> cameras;
+  // Pairs that had left the view graph, and why, but agree with the finished
+  // model: their matches are part of it, and they are VALID again.
+  std::map<colmap::image_pair_t, PairStatus> readmitted_pairs;
   // Why each image of no model is missing.
   std::map<colmap::image_t, std::string> unregistered_images;
   // Depth-map factors of the registered images against their model.
@@ -136,13 +139,16 @@ class DepthGlobalMapper {
       const std::vector<CameraGroup>& groups,
       colmap::Reconstruction* model);
   bool AdjustModel(colmap::Reconstruction* model);
-  CameraTies RetriangulateModel(const PairGeometries& pairs,
+  CameraTies RetriangulateModel(PairGeometries* pairs,
                                 colmap::Reconstruction* model);
   CameraTies TieCameras(colmap::Reconstruction* model);
   // Of the adjustment of the complete model.
   BundleAdjustmentOptions FinalAdjustment(const CameraTies& ties) const;
   void SummarizeCameras(const CameraTies& ties,
                         const colmap::Reconstruction& model);
+  void JudgePairsByModel(const colmap::Reconstruction& model,
+                         const colmap::CorrespondenceGraph& graph,
+                         PairGeometries* pairs);
   void FinishModel(colmap::Reconstruction* model);
   void ExplainMissingImages(const PairGeometries& pairs);
 

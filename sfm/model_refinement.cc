@@ -83,6 +83,13 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
   return consistent;
 }
 
+// What epipolar lines cannot bring back: look-alikes, of which an imported
+// score knows, or which are displaced along the baseline.
+bool StaysOut(PairStatus status) {
+  return status == PairStatus::LOW_PAIR_SCORE ||
+         status == PairStatus::TRANSLATION_OUTLIER;
+}
+
 }  // namespace
 
 bool ModelRefinementOptions::IsValid(std::string* error) const {
@@ -210,8 +217,7 @@ void BuildCorrespondenceGraph(const Scene& scene,
     if (!model.ExistsImage(image_id1) || !model.ExistsImage(image_id2) ||
         !model.IsImageRegistered(image_id1) ||
         !model.IsImageRegistered(image_id2) ||
-        (pair != pairs.end() &&
-         pair->second.status == PairStatus::LOW_PAIR_SCORE)) {
+        (pair != pairs.end() && StaysOut(pair->second.status))) {
       continue;
     }
     const colmap::FeatureMatches consistent = MatchesOnEpipolarLines(

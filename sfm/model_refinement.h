@@ -69,7 +69,7 @@ size_t FilterObservations(const ModelRefinementOptions& options,
 // max_epipolar_error_px of the epipolar lines, of the pairs that keep
 // min_num_inliers and min_inlier_ratio of theirs. Once there are poses, they
 // judge better than what a pair alone, its depth or its triplets said; pairs
-// removed by an imported score stay out.
+// removed by an imported score or by their translation stay out.
 void BuildCorrespondenceGraph(const Scene& scene,
                               const PairGeometries& pairs,
                               const PairVerificationOptions& verification,

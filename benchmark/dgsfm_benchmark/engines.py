@@ -85,6 +85,8 @@ class Engine:
             "--output_path", str(job.output),
             "--num_threads", str(job.threads),
             "--random_seed", str(job.seed),
+            # Runs share the database.
+            "--write_pair_statuses", "0",
         ]  # fmt: skip
         if self.depth == NO_DEPTH:
             arguments += ["--use_depth", "0"]

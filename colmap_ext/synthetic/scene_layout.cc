@@ -184,6 +184,28 @@ class RepeatsLayout : public SceneLayout {
   int num_bays_;
 };
 
+// Around a round building whose front and back are the same; what lies between
+// them differs. Only the way around tells front from back.
+class TwinsLayout : public RingLayout {
+ public:
+  using RingLayout::RingLayout;
+
+  std::vector<SurfacePoint> DrawPoints(RandomStream* random) const override {
+    const SurfacePoint point = RingLayout::DrawPoints(random)[0];
+    if (std::abs(point.normal.y()) < kMinCosFront) return {point};
+    // Each of them is drawn, so that one of two becomes a pair.
+    if (point.normal.y() > 0) return {};
+    SurfacePoint twin = point;
+    twin.xyz.head<2>() *= -1;
+    twin.normal.head<2>() *= -1;
+    return {point, twin};
+  }
+
+ private:
+  // Front and back reach 45 degrees to either side.
+  static constexpr double kMinCosFront = M_SQRT1_2;
+};
+
 // Neighbouring views have baselines of a hundredth of the depth.
 class LowParallaxLayout : public SceneLayout {
  public:
@@ -302,6 +324,7 @@ const std::vector<SceneFamily>& AllSceneFamilies() {
                                                     SceneFamily::FACADE,
                                                     SceneFamily::CLUSTERS,
                                                     SceneFamily::REPEATS,
+                                                    SceneFamily::TWINS,
                                                     SceneFamily::LOW_PARALLAX,
                                                     SceneFamily::FORWARD,
                                                     SceneFamily::INTERNET};
@@ -320,6 +343,8 @@ std::string SceneFamilyName(SceneFamily family) {
       return "clusters";
     case SceneFamily::REPEATS:
       return "repeats";
+    case SceneFamily::TWINS:
+      return "twins";
     case SceneFamily::LOW_PARALLAX:
       return "low_parallax";
     case SceneFamily::FORWARD:
@@ -363,6 +388,8 @@ std::unique_ptr<SceneLayout> CreateSceneLayout(SceneFamily family,
       return std::make_unique<ClustersLayout>(num_images);
     case SceneFamily::REPEATS:
       return std::make_unique<RepeatsLayout>(num_images);
+    case SceneFamily::TWINS:
+      return std::make_unique<TwinsLayout>(num_images);
     case SceneFamily::LOW_PARALLAX:
       return std::make_unique<LowParallaxLayout>(num_images);
     case SceneFamily::FORWARD:

@@ -20,6 +20,7 @@ enum class SceneFamily {
   FACADE,        // a grid of viewpoints before a facade
   CLUSTERS,      // two facades that two images join
   REPEATS,       // along a facade of bays that look alike
+  TWINS,         // around a building whose front and back are the same
   LOW_PARALLAX,  // turning by 10 degrees and moving by 10 cm per image
   FORWARD,       // along the axis of a corridor and of the camera, 0.5 m each
   INTERNET,      // crowds before landmarks, near and far, from all sides
@@ -60,7 +61,7 @@ class SceneLayout {
   virtual ~SceneLayout() = default;
 
   // One point, or the points that look alike: then each is moved by the same
-  // step against the one before.
+  // rigid motion against the one before.
   virtual std::vector<SurfacePoint> DrawPoints(RandomStream* random) const = 0;
   // Viewpoint of image i from 0.
   virtual Viewpoint DrawViewpoint(int i, RandomStream* random) const = 0;

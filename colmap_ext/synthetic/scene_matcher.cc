@@ -7,6 +7,8 @@
 #include <map>
 #include <utility>
 
+#include <Eigen/Geometry>
+
 namespace dgsfm {
 
 namespace {
@@ -80,6 +82,20 @@ SceneMatcher::ImagePairs SceneMatcher::SelectPairs() const {
   return selected;
 }
 
+Rigid3d SceneMatcher::MotionOf(
+    const std::vector<std::pair<int, int>>& point_idxs) const {
+  Eigen::Matrix3Xd first(3, point_idxs.size());
+  Eigen::Matrix3Xd second(3, point_idxs.size());
+  for (size_t i = 0; i < point_idxs.size(); ++i) {
+    first.col(i) = scene_->points[point_idxs[i].first];
+    second.col(i) = scene_->points[point_idxs[i].second];
+  }
+  const Eigen::Matrix4d motion =
+      Eigen::umeyama(first, second, /*with_scaling=*/false);
+  return Rigid3d(Eigen::Quaterniond(motion.topLeftCorner<3, 3>()).normalized(),
+                 motion.topRightCorner<3, 1>());
+}
+
 FalsePair SceneMatcher::FindLookAlike(const SyntheticImage& image,
                                       int step) const {
   FalsePair pair;
@@ -104,10 +120,7 @@ FalsePair SceneMatcher::FindLookAlike(const SyntheticImage& image,
     }
   }
   if (pair.b == colmap::kInvalidImageId) return pair;
-  const auto [first, second] = pair.look_alikes[0];
-  const Rigid3d world_from_world(
-      Eigen::Quaterniond::Identity(),
-      scene_->points[second] - scene_->points[first]);
+  const Rigid3d world_from_world = MotionOf(pair.look_alikes);
   pair.b_from_a = scene_->images.at(pair.b).cam_from_world * world_from_world *
                   image.cam_from_world.Inverse();
   return pair;

@@ -29,6 +29,8 @@ class SceneMatcher {
   using ImagePairs = std::set<std::pair<colmap::image_t, colmap::image_t>>;
 
   ImagePairs SelectPairs() const;
+  // The rigid motion from the first points to the second ones.
+  Rigid3d MotionOf(const std::vector<std::pair<int, int>>& point_idxs) const;
   // The image of another place that shows most points that look like those of
   // `image`, `step` places further; pair.b is invalid if there is none.
   FalsePair FindLookAlike(const SyntheticImage& image, int step) const;

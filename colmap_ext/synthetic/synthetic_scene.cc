@@ -243,6 +243,8 @@ SyntheticSceneOptions SceneFamilyOptions(SceneFamily family) {
   options.family = family;
   if (family == SceneFamily::REPEATS) {
     options.max_num_look_alikes = 1;
+  } else if (family == SceneFamily::TWINS) {
+    options.max_num_look_alikes = 5;
   } else if (family == SceneFamily::INTERNET) {
     options.camera.num_cameras = 0;
     options.camera.max_log_focal_offset = 0.35;

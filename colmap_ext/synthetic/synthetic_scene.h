@@ -46,8 +46,8 @@ struct SyntheticSceneOptions {
   // Pairs of images with no common view whose matches agree with one wrong
   // pose, as between look-alike buildings.
   int num_false_pairs = 0;
-  // In REPEATS, such pairs of each image with other bays; fewer where bays are
-  // not far enough apart.
+  // In REPEATS and TWINS, such pairs of each image with what looks alike; fewer
+  // where there are no such images without common view.
   int max_num_look_alikes = 0;
   // Images are matched if they have at least min_num_matches common points and
   // one is among the neighbours of the other: if there are too many, half are
@@ -61,8 +61,9 @@ struct SyntheticSceneOptions {
 };
 
 // What belongs to a family beside its layout, without noise and depth errors:
-// look-alikes (REPEATS), and photos by everyone (INTERNET): unknown cameras of
-// different sizes, formats, focal lengths and distortions, 30 % outliers.
+// look-alikes (REPEATS, TWINS), and photos by everyone (INTERNET): unknown
+// cameras of different sizes, formats, focal lengths and distortions, 30 %
+// outliers.
 SyntheticSceneOptions SceneFamilyOptions(SceneFamily family);
 
 struct SyntheticImage {

@@ -181,6 +181,18 @@ TEST_F(DepthDatabaseTest, ReturnsPairGeometriesAsWritten) {
   EXPECT_TRUE(database.ReadPairGeometries().empty());
 }
 
+TEST_F(DepthDatabaseTest, ReplacesPairStatuses) {
+  DepthDatabase database(path_, Mode::READ_WRITE);
+  EXPECT_TRUE(database.ReadPairStatuses().empty());
+  database.WritePairStatuses(
+      {{PairIdOfImages(1, 2), PairStatus::VALID},
+       {PairIdOfImages(1, 3), PairStatus::ROTATION_OUTLIER}});
+  const std::map<colmap::image_pair_t, PairStatus> statuses = {
+      {PairIdOfImages(2, 3), PairStatus::MODEL_OUTLIER}};
+  database.WritePairStatuses(statuses);
+  EXPECT_EQ(database.ReadPairStatuses(), statuses);
+}
+
 TEST_F(DepthDatabaseTest, CountsPairsOfEachKind) {
   DepthDatabase database(path_, Mode::READ_WRITE);
   EXPECT_TRUE(database.ReadPairTotals().num_with_status.empty());

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include <gtest/gtest.h>
 
@@ -194,6 +195,32 @@ TEST(DepthGlobalMapper, NoiseAndOutliersAreAveragedOut) {
   EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 0.05);
 }
 
+TEST(DepthGlobalMapper, RandomFalsePairsCostNoImage) {
+  SyntheticSceneOptions options = SmallRing();
+  options.num_images = 24;
+  options.image_noise_px = 0.5;
+  options.num_false_pairs = 62;
+  options.depth_noise = DepthModelFromName("network");
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  size_t num_false = 0;
+  for (const auto& [pair_id, pair] : synthetic.pairs)
+    num_false += pair.is_false;
+  ASSERT_GE(double(num_false), 0.3 * synthetic.pairs.size());
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 24);
+  // Rotations and directions together; measured 0.05 to 0.1.
+  std::vector<double> errors_deg = outcome.metrics.relative_errors_deg;
+  std::nth_element(errors_deg.begin(),
+                   errors_deg.begin() + errors_deg.size() / 2,
+                   errors_deg.end());
+  EXPECT_LT(errors_deg[errors_deg.size() / 2], 0.5);
+  for (const auto& [pair_id, pair] : outcome.pairs) {
+    EXPECT_EQ(pair.status == PairStatus::VALID,
+              !synthetic.pairs.at(pair_id).is_false);
+  }
+}
+
 // Images of look-alike bays are matched as if they showed one and the same:
 // rotations and depth scales of such pairs agree with all others, and only
 // translations contradict.
@@ -219,6 +246,79 @@ TEST(DepthGlobalMapper, LookAlikePlacesAreKeptApart) {
   const double mean_without =
       MeanError(MapSynthetic(synthetic, without).metrics);
   EXPECT_LT(MeanError(outcome.metrics), mean_without / 2);
+}
+
+// Each image is matched with the one that sees the same on the other side: more
+// pairs than there are around the corners.
+TEST(DepthGlobalMapper, TwinFacadesFacingAwayAreNotFolded) {
+  SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::TWINS);
+  options.num_images = 24;
+  options.max_num_look_alikes = 1;
+  options.image_noise_px = 0.5;
+  options.depth_noise = DepthModelFromName("network");
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_FALSE(outcome.result.models.empty());
+  // Folded, half of the pairs of images would be off by 180 degrees.
+  std::vector<double> errors_deg = outcome.metrics.relative_errors_deg;
+  EXPECT_LT(std::count_if(errors_deg.begin(),
+                          errors_deg.end(),
+                          [](double error_deg) { return error_deg > 90; }),
+            0.1 * errors_deg.size());
+  for (const auto& [pair_id, pair] : outcome.pairs) {
+    if (!synthetic.pairs.at(pair_id).is_false) continue;
+    EXPECT_EQ(pair.status, PairStatus::ROTATION_OUTLIER);
+  }
+}
+
+// Five images and one more that shares tracks of two views only, with one of
+// them. Without depth nothing fixes its distance: it must not be placed at
+// random.
+TEST(DepthGlobalMapper, OrphansArePlacedByDepthOrLeftOut) {
+  SyntheticSceneOptions options = SmallRing();
+  options.num_images = 24;
+  SyntheticScene synthetic = SynthesizeScene(options);
+  const colmap::image_t orphan = 6;
+  for (auto it = synthetic.pairs.begin(); it != synthetic.pairs.end();) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(it->first);
+    const bool stays =
+        image_id2 < orphan || (image_id1 == orphan - 1 && image_id2 == orphan);
+    it = stays ? std::next(it) : synthetic.pairs.erase(it);
+  }
+  // Of the orphan's matches only those whose points no third image has.
+  SyntheticPair& pair = synthetic.pairs.at(PairIdOfImages(orphan - 1, orphan));
+  std::set<colmap::point2D_t> elsewhere;
+  for (const auto& [pair_id, other] : synthetic.pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (image_id2 != orphan - 1) continue;
+    for (const auto& match : other.matches) {
+      elsewhere.insert(match.point2D_idx2);
+    }
+  }
+  colmap::FeatureMatches two_view_matches;
+  for (const auto& match : pair.matches) {
+    if (elsewhere.count(match.point2D_idx1) == 0) {
+      two_view_matches.push_back(match);
+    }
+  }
+  pair.matches = two_view_matches;
+  pair.is_inlier.assign(two_view_matches.size(), true);
+  ASSERT_GE(two_view_matches.size(), 20);
+
+  for (const bool use_depth : {true, false}) {
+    const Outcome outcome = MapSynthetic(synthetic, {}, use_depth);
+    ASSERT_EQ(outcome.result.models.size(), 1) << use_depth;
+    const colmap::Reconstruction& model = *outcome.result.models[0];
+    EXPECT_EQ(model.ExistsImage(orphan), use_depth);
+    EXPECT_EQ(outcome.result.unregistered_images.count(orphan),
+              use_depth ? 0 : 1);
+    for (const double error_deg : outcome.metrics.relative_errors_deg) {
+      // Missing images have infinite errors; the others are exact.
+      if (std::isfinite(error_deg)) {
+        EXPECT_LT(error_deg, 1e-2);
+      }
+    }
+  }
 }
 
 TEST(DepthGlobalMapper, UnrelatedDepthMapsDoNoHarm) {
