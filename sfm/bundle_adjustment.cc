@@ -11,8 +11,10 @@
 #include <list>
 #include <map>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
+#include <ceres/loss_function.h>
 #include <ceres/problem.h>
 #include <glog/logging.h>
 
@@ -130,14 +132,26 @@ class ModelBundle {
   void RefineCamera(size_t num_observations, size_t index) {
     if (num_observations < kMinNumObservationsPerCamera) return;
     const colmap::Camera& prior = prior_cameras_.at(camera_ids_[index]);
-    const Eigen::VectorXd stddevs = PriorStddevs(options_.intrinsics, prior);
+    Eigen::VectorXd stddevs = PriorStddevs(options_.intrinsics, prior);
     BundleCamera& camera = bundle_.cameras[index];
     for (int i = 0; i < stddevs.size(); ++i) {
       if (stddevs(i) > 0) camera.refined_params.push_back(i);
     }
     if (camera.refined_params.empty()) return;
+    const IntrinsicsPriorOptions& intrinsics = options_.intrinsics;
+    Eigen::VectorXd centers = Eigen::VectorXd::Zero(stddevs.size());
+    for (const size_t idx : prior.PrincipalPointIdxs()) {
+      std::swap(centers(Eigen::Index(idx)), stddevs(Eigen::Index(idx)));
+    }
     AddIntrinsicsPrior(prior.Params(),
-                       stddevs / options_.intrinsics.keypoint_stddev_px,
+                       stddevs / intrinsics.keypoint_stddev_px,
+                       nullptr,
+                       camera.params.data(),
+                       &camera_terms_);
+    AddIntrinsicsPrior(prior.Params(),
+                       centers / intrinsics.keypoint_stddev_px,
+                       new ceres::CauchyLoss(intrinsics.crop_factor *
+                                             intrinsics.keypoint_stddev_px),
                        camera.params.data(),
                        &camera_terms_);
   }

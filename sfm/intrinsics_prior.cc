@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include <ceres/normal_prior.h>
 
@@ -65,6 +66,8 @@ bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
                      "principal_point_stddev_ratio must be > 0",
                      principal_point_stddev_ratio,
                      error) &&
+         CheckOption(
+             crop_factor > 0, "crop_factor must be > 0", crop_factor, error) &&
          CheckOption(extra_params_stddev > 0,
                      "extra_params_stddev must be > 0",
                      extra_params_stddev,
@@ -118,14 +121,17 @@ std::vector<double> MeanParams(const CameraGroup& group,
 
 void AddIntrinsicsPrior(const std::vector<double>& mean,
                         const Eigen::VectorXd& stddevs,
+                        ceres::LossFunction* loss,
                         double* params,
                         ceres::Problem* problem) {
+  std::unique_ptr<ceres::LossFunction> owned_loss(loss);
   DGSFM_CHECK(stddevs.size() == Eigen::Index(mean.size()));
   const Eigen::MatrixXd A = InverseStddevRows(stddevs);
   if (A.rows() == 0) return;
   const Eigen::VectorXd center =
       Eigen::Map<const Eigen::VectorXd>(mean.data(), stddevs.size());
-  problem->AddResidualBlock(new ceres::NormalPrior(A, center), nullptr, params);
+  problem->AddResidualBlock(
+      new ceres::NormalPrior(A, center), owned_loss.release(), params);
 }
 
 void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <ceres/loss_function.h>
 #include <ceres/problem.h>
 
 namespace dgsfm {
@@ -28,6 +29,9 @@ struct IntrinsicsPriorOptions {
   // Standard deviation of the principal point about that of the database, as a
   // share of the larger image side [1].
   double principal_point_stddev_ratio = 0.01;
+  // Deviations of principal points beyond this many standard deviations count
+  // less and less (Cauchy): crops may be far off [1].
+  double crop_factor = 2;
   // Standard deviation of the distortion parameters about those of the database
   // [1].
   double extra_params_stddev = 0.1;
@@ -57,14 +61,16 @@ struct CameraGroup {
 std::vector<double> MeanParams(const CameraGroup& group,
                                const colmap::Reconstruction& model);
 
-// Adds sum_i ((params_i - mean_i) / stddevs_i)^2 / 2 to a problem. Parameters
-// of zero or infinite standard deviation have no term.
+// Adds rho(sum_i ((params_i - mean_i) / stddevs_i)^2) / 2 to a problem, which
+// takes the loss rho; null is none. Parameters of zero or infinite standard
+// deviation have no term.
 void AddIntrinsicsPrior(const std::vector<double>& mean,
                         const Eigen::VectorXd& stddevs,
+                        ceres::LossFunction* loss,
                         double* params,
                         ceres::Problem* problem);
 
-// The same about a mean that is a parameter block.
+// The same without a loss about a mean that is a parameter block.
 void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,
                       double* params,
                       double* mean,

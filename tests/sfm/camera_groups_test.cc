@@ -204,5 +204,19 @@ TEST(PrincipalPointsAreAsGiven, UnlessTheImagesAreCrops) {
   }
 }
 
+TEST(AdjustBundle, CropsFindTheirPrincipalPoints) {
+  // Half of the images, off by up to 20 %: 20 standard deviations of the prior.
+  // Were all of them crops, a common shift would hardly be observable. The
+  // start is the truth: what counts is that the prior does not draw them away.
+  AdjustedScene scene(0, 0.5);
+  ASSERT_TRUE(scene.Adjust());
+  for (const auto& [camera_id, camera] : scene.Model().Cameras()) {
+    const colmap::Camera& truth = scene.TrueCamera(camera_id);
+    // 2 % of the image size.
+    EXPECT_NEAR(camera.PrincipalPointX(), truth.PrincipalPointX(), 16);
+    EXPECT_NEAR(camera.PrincipalPointY(), truth.PrincipalPointY(), 16);
+  }
+}
+
 }  // namespace
 }  // namespace dgsfm
