@@ -19,7 +19,7 @@ constexpr char kMultiCameraRigQuery[] =
     "ORDER BY rig_id LIMIT 1";
 
 std::string CameraModelDescription(int64_t model_id) {
-  // Added by COLMAP after 3.8, from id 11 on.
+  // Added by COLMAP after 3.8.
   static const std::vector<std::string> kNewerModels = {
       "RAD_TAN_THIN_PRISM_FISHEYE",
       "SIMPLE_DIVISION",
@@ -28,10 +28,12 @@ std::string CameraModelDescription(int64_t model_id) {
       "FISHEYE",
       "EUCM",
       "EQUIRECTANGULAR"};
-  const int64_t newer_idx = model_id - 11;
+  constexpr int64_t kFirstId = 11;
+  const int64_t num_models = static_cast<int64_t>(kNewerModels.size());
   std::string description = "camera model " + std::to_string(model_id);
-  if (newer_idx >= 0 && newer_idx < static_cast<int64_t>(kNewerModels.size())) {
-    description += " (" + kNewerModels[newer_idx] + ")";
+  // Compared, not subtracted: a damaged id may be the least number there is.
+  if (model_id >= kFirstId && model_id < kFirstId + num_models) {
+    description += " (" + kNewerModels[model_id - kFirstId] + ")";
   }
   return description;
 }

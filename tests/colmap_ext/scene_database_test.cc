@@ -181,6 +181,10 @@ TEST_P(SceneDatabaseTest, NamesCameraAtFault) {
   ExpectSceneFails(path_, {"camera 2", "model 16 (EUCM)"});
   Execute("UPDATE cameras SET model = 99 WHERE camera_id = 2");
   ExpectSceneFails(path_, {"camera 2", "model 99"});
+  Execute(
+      "UPDATE cameras SET model = -9223372036854775807 - 1 "
+      "WHERE camera_id = 2");
+  ExpectSceneFails(path_, {"camera 2", "model -9223372036854775808"});
   Execute("UPDATE cameras SET model = 2, params = x'00' WHERE camera_id = 2");
   ExpectSceneFails(path_, {"column params", "8 bytes"});
   Execute("UPDATE cameras SET params = zeroblob(24) WHERE camera_id = 2");
