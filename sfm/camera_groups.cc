@@ -204,4 +204,23 @@ void ShareIntrinsics(const std::vector<CameraGroup>& groups,
   *model = std::move(shared);
 }
 
+void KeepGroupsOf(const colmap::Reconstruction& model,
+                  std::vector<CameraGroup>* groups) {
+  for (CameraGroup& group : *groups) {
+    std::vector<colmap::camera_t>& ids = group.camera_ids;
+    ids.erase(std::remove_if(ids.begin(),
+                             ids.end(),
+                             [&](colmap::camera_t camera_id) {
+                               return !model.ExistsCamera(camera_id);
+                             }),
+              ids.end());
+  }
+  groups->erase(std::remove_if(groups->begin(),
+                               groups->end(),
+                               [](const CameraGroup& group) {
+                                 return group.camera_ids.size() < 2;
+                               }),
+                groups->end());
+}
+
 }  // namespace dgsfm

@@ -34,4 +34,9 @@ void ResetPrincipalPoints(const CameraMap& prior_cameras,
 void ShareIntrinsics(const std::vector<CameraGroup>& groups,
                      colmap::Reconstruction* model);
 
+// Takes cameras out of the groups that the model no longer has, and groups out
+// that lose all but one.
+void KeepGroupsOf(const colmap::Reconstruction& model,
+                  std::vector<CameraGroup>* groups);
+
 }  // namespace dgsfm

@@ -293,6 +293,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     }
     return nullptr;
   }
+  KeepGroupsOf(*model, &ties.groups);
   SummarizeCameras(ties, *model);
   if (options_.share_intrinsics) ShareIntrinsics(ties.groups, model.get());
   return model;

@@ -218,5 +218,22 @@ TEST(AdjustBundle, CropsFindTheirPrincipalPoints) {
   }
 }
 
+// An image that is filtered out takes its camera with it.
+TEST(KeepGroupsOf, DropsCamerasThatTheModelHasNot) {
+  colmap::Reconstruction model;
+  for (const colmap::camera_t camera_id : {1, 2, 3}) {
+    colmap::Camera camera;
+    camera.SetCameraId(camera_id);
+    camera.InitializeWithName("SIMPLE_RADIAL", 500, 640, 480);
+    model.AddCamera(camera);
+  }
+  std::vector<CameraGroup> groups(2);
+  groups[0].camera_ids = {1, 2, 7};
+  groups[1].camera_ids = {3, 8};
+  KeepGroupsOf(model, &groups);
+  ASSERT_EQ(groups.size(), 1);
+  EXPECT_EQ(groups[0].camera_ids, (std::vector<colmap::camera_t>{1, 2}));
+}
+
 }  // namespace
 }  // namespace dgsfm
