@@ -55,7 +55,8 @@ class Preparation:
         folder = self.folder / slug(scene.name)
         folder.mkdir(parents=True, exist_ok=True)
         base = scene.database or self._collection_database(scene.image_folder)
-        path = folder / f"{NO_DEPTH}.db"
+        # Synthetic scenes change with the program.
+        path = folder / f"{NO_DEPTH}-{file_digest(base)}.db"
         if not path.exists():
             temporary = folder / "new.db"
             copy_with_images(base, temporary, scene.truth.keys())
@@ -70,7 +71,9 @@ class Preparation:
 
     def _with_depth(self, base, depth_folder, depth, depth_options):
         # Another program may store depth otherwise.
-        key = value_digest([file_digest(self.program), depth_options])
+        key = value_digest(
+            [file_digest(self.program), depth_options, base.name]
+        )
         path = base.with_name(f"{depth}-{key}.db")
         if not path.exists():
             temporary = base.with_name("new.db")
