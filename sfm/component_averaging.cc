@@ -3,10 +3,12 @@
 #include "estimators/graph.h"
 #include "estimators/median.h"
 #include "estimators/option_check.h"
+#include "sfm/missing_matches.h"
 #include "sfm/pair_evidence.h"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <glog/logging.h>
 
@@ -23,11 +25,11 @@ constexpr int kMinNumStrongOutliers = 3;
 constexpr int kMaxNumAlternatives = 3;
 // Missing matches below this are within what true pairs show [nat].
 constexpr double kMaxMissingMatches = 12;
+// Above, they divide the weight of their pair by e each time they grow by this.
+constexpr double kMissingMatchesPerFold = 4;
 // Inliers of look-alikes have one cause, which pairs share: their evidence
 // counts less than that of missing matches.
 constexpr double kOutlierCostFactor = 0.25;
-
-const std::vector<Eigen::Quaterniond> kNoStart;
 
 // Rotations of the images and the pairs that are off.
 struct RotationAverage {
@@ -40,9 +42,9 @@ std::optional<RotationAverage> AverageRotationsKeeping(
     const ImageIndex& index,
     const std::vector<IndexedPair>& valid_pairs,
     const std::vector<double>& weight_factors,
-    const std::vector<Eigen::Quaterniond>& start) {
+    std::vector<Eigen::Quaterniond> start) {
   RotationAverage average;
-  average.cam_from_world = start;
+  average.cam_from_world = std::move(start);
   std::vector<RelativeRotation> relative_rotations;
   for (size_t i = 0; i < valid_pairs.size(); ++i) {
     const PairGeometry& pair = *valid_pairs[i].pair;
@@ -103,29 +105,38 @@ int KeepStrongOutliers(const RotationAverage& average,
 
 std::optional<RotationAverage> FindBestAverage(
     const ComponentAveragingOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths,
     const ImageIndex& index,
     const std::vector<IndexedPair>& valid_pairs,
-    const MissingMatches& missing_matches) {
+    const PairGeometries& pairs) {
+  const auto average_with = [&](const std::vector<double>& factors) {
+    return AverageRotationsKeeping(options,
+                                   index,
+                                   valid_pairs,
+                                   factors,
+                                   std::vector<Eigen::Quaterniond>());
+  };
   std::vector<double> weight_factors(valid_pairs.size(), 1);
-  std::optional<RotationAverage> best = AverageRotationsKeeping(
-      options, index, valid_pairs, weight_factors, kNoStart);
+  std::optional<RotationAverage> best = average_with(weight_factors);
   if (!best || KeepStrongOutliers(*best, valid_pairs, &weight_factors) <
                    kMinNumStrongOutliers) {
     return best;
   }
+  const MissingMatches missing_matches(scene, depths, pairs);
   std::vector<double> missing;
   std::vector<double> trusted_factors;
   for (const IndexedPair& indexed : valid_pairs) {
     const double evidence = missing_matches.EvidenceAgainst(
         PairIdOfImages(index.IdOf(indexed.image1), index.IdOf(indexed.image2)));
     missing.push_back(evidence > kMaxMissingMatches ? evidence : 0);
-    trusted_factors.push_back(std::exp(-missing.back() / 4));
+    trusted_factors.push_back(
+        std::exp(-missing.back() / kMissingMatchesPerFold));
   }
   double best_cost = CostOf(*best, valid_pairs, missing);
   for (std::vector<double> factors : {weight_factors, trusted_factors}) {
     for (int i = 0; i < kMaxNumAlternatives; ++i) {
-      std::optional<RotationAverage> average = AverageRotationsKeeping(
-          options, index, valid_pairs, factors, kNoStart);
+      std::optional<RotationAverage> average = average_with(factors);
       if (!average) break;
       const double cost = CostOf(*average, valid_pairs, missing);
       const int num_strong =
@@ -249,8 +260,9 @@ bool ComponentAveragingOptions::IsValid(std::string* error) const {
 
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths,
     const std::vector<colmap::image_t>& image_ids,
-    const MissingMatches& missing_matches,
     PairGeometries* pairs) {
   ComponentRotations rotations;
   rotations.image_ids = image_ids;
@@ -258,14 +270,14 @@ std::optional<ComponentRotations> AverageComponentRotations(
     const ImageIndex index(rotations.image_ids);
     const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
     std::optional<RotationAverage> average =
-        round == 0
-            ? FindBestAverage(options, index, valid_pairs, missing_matches)
-            : AverageRotationsKeeping(
-                  options,
-                  index,
-                  valid_pairs,
-                  std::vector<double>(valid_pairs.size(), 1),
-                  rotations.cam_from_world);
+        round == 0 ? FindBestAverage(
+                         options, scene, depths, index, valid_pairs, *pairs)
+                   : AverageRotationsKeeping(
+                         options,
+                         index,
+                         valid_pairs,
+                         std::vector<double>(valid_pairs.size(), 1),
+                         std::move(rotations.cam_from_world));
     if (!average) return std::nullopt;
     rotations.cam_from_world = std::move(average->cam_from_world);
     std::vector<GraphEdge> edges;

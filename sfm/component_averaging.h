@@ -6,7 +6,6 @@
 #include "estimators/rotation_averaging.h"
 #include "estimators/scale_averaging.h"
 #include "estimators/translation_averaging.h"
-#include "sfm/missing_matches.h"
 #include "sfm/view_graph.h"
 
 #include <map>
@@ -53,12 +52,13 @@ struct ComponentRotations {
 // ROTATION_OUTLIER. Look-alike places may have more pairs than the way between
 // them, so that the average takes out the way: where strong pairs are outliers,
 // averages that keep them are tried as well, and the one wins whose pairs miss
-// the fewest matches and whose outliers had the least evidence. Nothing if the
-// averaging fails.
+// the fewest matches, by the depths, and whose outliers had the least evidence.
+// Nothing if the averaging fails.
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths,
     const std::vector<colmap::image_t>& image_ids,
-    const MissingMatches& missing_matches,
     PairGeometries* pairs);
 
 // Factor of each image's depth map to the common scale.

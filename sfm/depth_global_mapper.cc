@@ -4,7 +4,6 @@
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
 #include "sfm/depth_reliability.h"
-#include "sfm/missing_matches.h"
 #include "sfm/model_access.h"
 
 #include <algorithm>
@@ -192,11 +191,8 @@ std::optional<ComponentRotations> DepthGlobalMapper::AverageRotationsOf(
     const ImageIds& image_ids, PairGeometries* pairs) {
   StageTimer timer("rotation_averaging");
   timer.Add("images", double(image_ids.size()));
-  std::optional<ComponentRotations> rotations =
-      AverageComponentRotations(options_.averaging,
-                                image_ids,
-                                MissingMatches(scene_, depths_, *pairs),
-                                pairs);
+  std::optional<ComponentRotations> rotations = AverageComponentRotations(
+      options_.averaging, scene_, depths_, image_ids, pairs);
   if (!rotations) {
     LOG(ERROR) << "Rotation averaging failed for the component of image "
                << image_ids.front();
