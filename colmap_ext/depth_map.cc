@@ -11,7 +11,10 @@
 #include <sstream>
 #include <stdexcept>
 
-#include <libdeflate.h>
+#include <isa-l/igzip_lib.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 namespace dgsfm {
 namespace {
@@ -43,20 +46,30 @@ uint16_t PackAnyHalf(float depth) {
   return depth > 0 ? std::max(bits, kMinHalfBits) : bits;
 }
 
-// Loops over whole numbers without branches, which compilers vectorize:
-// positive floats are ordered as their bits are.
-std::vector<uint16_t> PackHalfs(const std::vector<float>& depths) {
-  const auto bits_of = [](float depth) {
-    return Eigen::numext::bit_cast<int32_t>(depth);
-  };
+int32_t BitsOf(float depth) { return Eigen::numext::bit_cast<int32_t>(depth); }
+
+// What the loops below do to halfs of the usual range; they have no branches,
+// so that compilers vectorize them. Positive floats are ordered as their bits
+// are.
+constexpr int32_t kMinNormalHalf = (127 - 14) << 23;
+
+uint16_t PackNormalHalf(float depth) {
   constexpr int32_t kExponentOffset = (127 - 15) << 23;
-  constexpr int32_t kMinNormalHalf = (127 - 14) << 23;
   constexpr int kShift = 23 - 10;
+  const int32_t bits = BitsOf(depth);
+  // As Eigen::half rounds: to the nearest, to the even one of two.
+  const int32_t half =
+      (bits - kExponentOffset + 0xfff + ((bits >> kShift) & 1)) >> kShift;
+  return static_cast<uint16_t>(half & -static_cast<int32_t>(bits != 0));
+}
+
+// Whether PackNormalHalf() does for all. Throws for what is no depth.
+bool AreNormalHalfs(const float* depths, size_t size) {
   int32_t min_bits = 0;
   int32_t max_bits = 0;
   int32_t min_known_bits = std::numeric_limits<int32_t>::max();
-  for (const float depth : depths) {
-    const int32_t bits = bits_of(depth);
+  for (size_t i = 0; i < size; ++i) {
+    const int32_t bits = BitsOf(depths[i]);
     min_bits = std::min(min_bits, bits);
     max_bits = std::max(max_bits, bits);
     // 0 as the largest number.
@@ -64,21 +77,9 @@ std::vector<uint16_t> PackHalfs(const std::vector<float>& depths) {
         min_known_bits, (static_cast<uint32_t>(bits) - 1) & 0x7fffffff);
   }
   DGSFM_CHECK(min_bits >= 0 &&
-              max_bits <= bits_of(std::numeric_limits<float>::max()))
+              max_bits <= BitsOf(std::numeric_limits<float>::max()))
       << "a depth is negative or not finite";
-  std::vector<uint16_t> halfs(depths.size());
-  if (min_known_bits < kMinNormalHalf - 1 || max_bits > bits_of(kMaxHalf)) {
-    std::transform(depths.begin(), depths.end(), halfs.begin(), PackAnyHalf);
-    return halfs;
-  }
-  for (size_t i = 0; i < depths.size(); ++i) {
-    const int32_t bits = bits_of(depths[i]);
-    // As Eigen::half rounds: to the nearest, to the even one of two.
-    const int32_t half =
-        (bits - kExponentOffset + 0xfff + ((bits >> kShift) & 1)) >> kShift;
-    halfs[i] = static_cast<uint16_t>(half & -static_cast<int32_t>(bits != 0));
-  }
-  return halfs;
+  return min_known_bits >= kMinNormalHalf - 1 && max_bits <= BitsOf(kMaxHalf);
 }
 
 // Maps small differences of either sign to small numbers: 0 -1 1 -2 2 ... to
@@ -89,6 +90,91 @@ uint16_t ZigZag(uint16_t difference) {
 
 uint16_t UnZigZag(uint16_t code) {
   return (code >> 1) ^ (code & 1 ? 0xffff : 0);
+}
+
+// The two planes of bytes that CompressDepth() documents, in blocks that fit
+// into the fastest memory.
+void WritePlanes(const std::vector<float>& depths, uint8_t* planes) {
+  constexpr size_t kBlockSize = 2048;
+  // One number of the block before comes first.
+  std::array<uint16_t, kBlockSize + 1> halfs = {};
+  for (size_t begin = 0; begin < depths.size(); begin += kBlockSize) {
+    const size_t size = std::min(kBlockSize, depths.size() - begin);
+    const float* block = depths.data() + begin;
+    if (AreNormalHalfs(block, size)) {
+      std::transform(block, block + size, &halfs[1], PackNormalHalf);
+    } else {
+      std::transform(block, block + size, &halfs[1], PackAnyHalf);
+    }
+    uint8_t* low_bytes = planes + begin;
+    uint8_t* high_bytes = low_bytes + depths.size();
+    for (size_t i = 0; i < size; ++i) {
+      const uint16_t code = ZigZag(halfs[i + 1] - halfs[i]);
+      low_bytes[i] = code & 0xff;
+      high_bytes[i] = code >> 8;
+    }
+    halfs[0] = halfs[size];
+  }
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx"))) void ZeroUpperHalves() { _mm256_zeroupper(); }
+
+// ISA-L leaves the upper halves of the registers of AVX in use, with which all
+// SSE instructions of the thread take several times as long from then on.
+void CleanUpAfterIsal() {
+  if (__builtin_cpu_supports("avx")) ZeroUpperHalves();
+}
+#else
+void CleanUpAfterIsal() {}
+#endif
+
+// One zlib stream.
+std::vector<uint8_t> Deflate(const uint8_t* data, size_t size) {
+  // After the differences little is left to find besides the entropy coding.
+  constexpr int kLevel = 1;
+  // What does not compress is stored in blocks of 64 kB.
+  const size_t max_size = size + size / 64 + 4096;
+  // Without writing zeros first.
+  const std::unique_ptr<uint8_t[]> bytes(new uint8_t[max_size]);
+  const std::unique_ptr<uint8_t[]> tables(new uint8_t[ISAL_DEF_LVL1_DEFAULT]);
+  isal_zstream stream;
+  isal_deflate_init(&stream);
+  stream.gzip_flag = IGZIP_ZLIB;
+  stream.level = kLevel;
+  stream.level_buf = tables.get();
+  stream.level_buf_size = ISAL_DEF_LVL1_DEFAULT;
+  stream.end_of_stream = 1;
+  stream.next_in = const_cast<uint8_t*>(data);
+  stream.avail_in = static_cast<uint32_t>(size);
+  stream.next_out = bytes.get();
+  stream.avail_out = static_cast<uint32_t>(max_size);
+  const int result = isal_deflate(&stream);
+  CleanUpAfterIsal();
+  DGSFM_CHECK(result == COMP_OK && stream.internal_state.state == ZSTATE_END)
+      << "deflate: " << result;
+  return {bytes.get(), bytes.get() + stream.total_out};
+}
+
+// Why the bytes are not exactly one zlib stream of `size` bytes of data;
+// nullptr if they are.
+const char* Inflate(const std::vector<uint8_t>& bytes,
+                    size_t size,
+                    uint8_t* data) {
+  inflate_state state;
+  isal_inflate_init(&state);
+  state.crc_flag = ISAL_ZLIB;
+  state.next_in = const_cast<uint8_t*>(bytes.data());
+  state.avail_in = static_cast<uint32_t>(bytes.size());
+  state.next_out = data;
+  state.avail_out = static_cast<uint32_t>(size);
+  const int result = isal_inflate_stateless(&state);
+  CleanUpAfterIsal();
+  if (result == ISAL_OUT_OVERFLOW) return "too many values";
+  if (result != ISAL_DECOMP_OK) return "the data are damaged";
+  if (state.total_out != size) return "too few values";
+  if (state.avail_in != 0) return "data after its end";
+  return nullptr;
 }
 
 // Position along one axis of the map and its two neighbouring pixels.
@@ -198,38 +284,13 @@ std::vector<float> SampleDepth(const DepthMap& depth_map,
 
 CompressedDepthMap CompressDepth(const DepthMap& depth_map) {
   CheckIsWellFormed(depth_map);
-  const size_t num_values = depth_map.values.size();
-  std::vector<uint8_t> planes(2 * num_values);
-  const std::vector<uint16_t> bits = PackHalfs(depth_map.values);
-  uint8_t* low_bytes = planes.data();
-  uint8_t* high_bytes = planes.data() + num_values;
-  for (size_t i = 0; i < num_values; ++i) {
-    const uint16_t previous = i == 0 ? 0 : bits[i - 1];
-    const uint16_t code = ZigZag(bits[i] - previous);
-    low_bytes[i] = code & 0xff;
-    high_bytes[i] = code >> 8;
-  }
-
-  // After the differences little is left to find besides the entropy coding.
-  constexpr int kFastest = 1;
-  const std::unique_ptr<libdeflate_compressor,
-                        decltype(&libdeflate_free_compressor)>
-      compressor(libdeflate_alloc_compressor(kFastest),
-                 &libdeflate_free_compressor);
-  if (compressor == nullptr) throw std::bad_alloc();
-  CompressedDepthMap compressed = {
-      depth_map.width, depth_map.height, depth_map.unit, {}};
-  std::vector<uint8_t> bytes(
-      libdeflate_zlib_compress_bound(compressor.get(), planes.size()));
-  bytes.resize(libdeflate_zlib_compress(compressor.get(),
-                                        planes.data(),
-                                        planes.size(),
-                                        bytes.data(),
-                                        bytes.size()));
-  DGSFM_CHECK(!bytes.empty());
-  // Without the room that was not needed.
-  compressed.bytes.assign(bytes.begin(), bytes.end());
-  return compressed;
+  const size_t size = 2 * depth_map.values.size();
+  const std::unique_ptr<uint8_t[]> planes(new uint8_t[size]);
+  WritePlanes(depth_map.values, planes.get());
+  return {depth_map.width,
+          depth_map.height,
+          depth_map.unit,
+          Deflate(planes.get(), size)};
 }
 
 DepthMap DecompressDepth(const CompressedDepthMap& compressed) {
@@ -247,26 +308,10 @@ DepthMap DecompressDepth(const CompressedDepthMap& compressed) {
   // Before allocating what a damaged size asks for.
   if (num_values / kMaxDeflateRatio > bytes.size()) fail("too little data");
 
-  std::vector<uint8_t> planes(2 * num_values);
-  const std::unique_ptr<libdeflate_decompressor,
-                        decltype(&libdeflate_free_decompressor)>
-      decompressor(libdeflate_alloc_decompressor(),
-                   &libdeflate_free_decompressor);
-  if (decompressor == nullptr) throw std::bad_alloc();
-  size_t num_read = 0;
-  size_t num_bytes = 0;
-  const libdeflate_result result =
-      libdeflate_zlib_decompress_ex(decompressor.get(),
-                                    bytes.data(),
-                                    bytes.size(),
-                                    planes.data(),
-                                    planes.size(),
-                                    &num_read,
-                                    &num_bytes);
-  if (result == LIBDEFLATE_INSUFFICIENT_SPACE) fail("too many values");
-  if (result != LIBDEFLATE_SUCCESS) fail("the data are damaged");
-  if (num_bytes != planes.size()) fail("too few values");
-  if (num_read != bytes.size()) fail("data after its end");
+  const std::unique_ptr<uint8_t[]> planes(new uint8_t[2 * num_values]);
+  if (const char* error = Inflate(bytes, 2 * num_values, planes.get())) {
+    fail(error);
+  }
 
   DepthMap depth_map = {
       width, height, compressed.unit, std::vector<float>(num_values)};

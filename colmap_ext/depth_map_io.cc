@@ -81,39 +81,44 @@ void MultiplyRayCosines(const colmap::Camera& camera, DepthGrid* grid) {
   }
 }
 
-// Turns what is no depth into unknown depth.
-void CleanDepths(double max_depth, std::vector<float>* depths) {
+// Turns what is no depth into unknown depth; returns the number of the others.
+size_t CleanDepths(double max_depth, std::vector<float>* depths) {
   constexpr float kMaxFloat = std::numeric_limits<float>::max();
   const float bound = max_depth > 0 && max_depth < kMaxFloat
                           ? static_cast<float>(max_depth)
                           : kMaxFloat;
+  uint32_t num_known = 0;
   for (float& depth : *depths) {
     // Without branches, which NaN fails too.
-    depth = (depth > 0) & (depth <= bound) ? depth : 0;
+    const bool is_known = (depth > 0) & (depth <= bound);
+    depth = is_known ? depth : 0;
+    num_known += is_known;
   }
+  return num_known;
 }
 
-DepthMap ConvertGrid(DepthGrid grid,
-                     const colmap::Camera& camera,
-                     const DepthReadOptions& options) {
+// Sets map and coverage.
+void ConvertGrid(DepthGrid grid,
+                 const colmap::Camera& camera,
+                 const DepthReadOptions& options,
+                 ImportedDepth* result) {
   CheckAspect(grid, camera, options.max_aspect_factor);
   const float scale = static_cast<float>(options.scale);
   if (options.type == DepthType::INVERSE) {
     for (float& value : grid.values) value = scale / value;
-  } else {
+  } else if (scale != 1) {
     for (float& value : grid.values) value *= scale;
   }
   if (options.type == DepthType::RANGE) MultiplyRayCosines(camera, &grid);
-  CleanDepths(options.max_depth, &grid.values);
-  DepthMap depth_map = {
-      grid.width, grid.height, options.unit, std::move(grid.values)};
-  if (depth_map.Coverage() == 0) {
-    throw std::runtime_error(
-        "no pixel of the " +
-        internal::FormatSize(depth_map.width, depth_map.height) +
-        " depth map has a positive finite depth");
+  const size_t num_known = CleanDepths(options.max_depth, &grid.values);
+  if (num_known == 0) {
+    throw std::runtime_error("no pixel of the " +
+                             internal::FormatSize(grid.width, grid.height) +
+                             " depth map has a positive finite depth");
   }
-  return depth_map;
+  result->coverage = static_cast<double>(num_known) / grid.values.size();
+  result->depth_map = {
+      grid.width, grid.height, options.unit, std::move(grid.values)};
 }
 
 // Mean focal length [px of the image] of the depth model's camera matrix, in
@@ -163,7 +168,7 @@ ImportedDepth ConvertRawDepth(RawDepth raw,
       AspectError(
           raw.depth.width, raw.depth.height, camera.Width(), camera.Height()) >
       MaxAspectError(raw.depth);
-  result.depth_map = ConvertGrid(std::move(raw.depth), camera, options);
+  ConvertGrid(std::move(raw.depth), camera, options, &result);
   return result;
 }
 

@@ -60,6 +60,8 @@ struct DepthFile {
 
 struct ImportedDepth {
   DepthMap depth_map;
+  // Share of map pixels with known depth, in (0, 1].
+  double coverage = 0;
   // Focal length that the depth model saw in the image [px of the image]; 0 if
   // the file says nothing.
   double focal_length_px = 0;

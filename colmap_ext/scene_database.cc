@@ -38,6 +38,37 @@ std::string CameraModelDescription(int64_t model_id) {
   return description;
 }
 
+// Of a row image_id, rows, cols, data.
+std::vector<Eigen::Vector2d> ReadPoints(const SqliteConnection& connection,
+                                        const SqliteStatement& row,
+                                        const std::string& name) {
+  const int64_t num_rows = row.Int(1);
+  const int64_t num_cols = row.Int(2);
+  const std::vector<float> data = row.Blob<float>(3);
+  if (num_rows == 0 && data.empty()) return std::vector<Eigen::Vector2d>();
+  if (num_cols != 2 && num_cols != 4 && num_cols != 6) {
+    throw connection.Error() << "image " << name << ": key points have "
+                             << num_cols << " columns, not 2, 4 or 6";
+  }
+  if (!IsBlobSize(num_rows, num_cols, data.size())) {
+    throw connection.Error()
+        << "image " << name << ": " << num_rows << " x " << num_cols
+        << " key point values announced, " << data.size() << " stored";
+  }
+  std::vector<Eigen::Vector2d> points;
+  points.reserve(num_rows);
+  for (int64_t i = 0; i < num_rows; ++i) {
+    points.emplace_back(data[num_cols * i], data[num_cols * i + 1]);
+    if (!points.back().allFinite()) {
+      throw connection.Error() << "image " << name << ": position of key point "
+                               << i << " is not finite";
+    }
+  }
+  return points;
+}
+
+enum class SceneContent { IMAGES, FEATURES, MATCHES };
+
 // Reads the tables in an order in which each can be checked against the ones
 // before.
 class SceneReader {
@@ -45,15 +76,15 @@ class SceneReader {
   explicit SceneReader(const SqliteConnection& connection)
       : connection_(connection) {}
 
-  Scene Read(bool with_matches) {
+  Scene Read(SceneContent content) {
     const SqliteTransaction snapshot(connection_,
                                      SqliteTransaction::Kind::READ);
     CheckIsColmapDatabase(connection_);
     CheckRigs();
     ReadCameras();
     ReadImages();
-    ReadKeypoints();
-    if (with_matches) ReadAllMatches();
+    if (content != SceneContent::IMAGES) ReadKeypoints();
+    if (content == SceneContent::MATCHES) ReadAllMatches();
     return std::move(scene_);
   }
 
@@ -176,36 +207,8 @@ class SceneReader {
     while (select.Step()) {
       colmap::Image& image =
           scene_.images.at(static_cast<colmap::image_t>(select.Int(0)));
-      image.SetPoints2D(ReadPoints(select, image.Name()));
+      image.SetPoints2D(ReadPoints(connection_, select, image.Name()));
     }
-  }
-
-  std::vector<Eigen::Vector2d> ReadPoints(const SqliteStatement& row,
-                                          const std::string& name) const {
-    const int64_t num_rows = row.Int(1);
-    const int64_t num_cols = row.Int(2);
-    const std::vector<float> data = row.Blob<float>(3);
-    if (num_rows == 0 && data.empty()) return std::vector<Eigen::Vector2d>();
-    if (num_cols != 2 && num_cols != 4 && num_cols != 6) {
-      throw connection_.Error() << "image " << name << ": key points have "
-                                << num_cols << " columns, not 2, 4 or 6";
-    }
-    if (!IsBlobSize(num_rows, num_cols, data.size())) {
-      throw connection_.Error()
-          << "image " << name << ": " << num_rows << " x " << num_cols
-          << " key point values announced, " << data.size() << " stored";
-    }
-    std::vector<Eigen::Vector2d> points;
-    points.reserve(num_rows);
-    for (int64_t i = 0; i < num_rows; ++i) {
-      points.emplace_back(data[num_cols * i], data[num_cols * i + 1]);
-      if (!points.back().allFinite()) {
-        throw connection_.Error()
-            << "image " << name << ": position of key point " << i
-            << " is not finite";
-      }
-    }
-    return points;
   }
 
   const SqliteConnection& connection_;
@@ -218,14 +221,31 @@ Scene ReadScene(const std::string& database_path,
                 std::chrono::milliseconds busy_timeout) {
   const SqliteConnection connection(
       database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
-  return SceneReader(connection).Read(/*with_matches=*/true);
+  return SceneReader(connection).Read(SceneContent::MATCHES);
 }
 
 Scene ReadSceneWithoutMatches(const std::string& database_path,
                               std::chrono::milliseconds busy_timeout) {
   const SqliteConnection connection(
       database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
-  return SceneReader(connection).Read(/*with_matches=*/false);
+  return SceneReader(connection).Read(SceneContent::FEATURES);
+}
+
+Scene ReadSceneWithoutFeatures(const std::string& database_path,
+                               std::chrono::milliseconds busy_timeout) {
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection).Read(SceneContent::IMAGES);
+}
+
+std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
+                                           const colmap::Image& image) {
+  SqliteStatement select(
+      connection,
+      "SELECT image_id, rows, cols, data FROM keypoints WHERE image_id = ?");
+  select.BindInt(1, image.ImageId());
+  if (!select.Step()) return std::vector<Eigen::Vector2d>();
+  return ReadPoints(connection, select, image.Name());
 }
 
 }  // namespace dgsfm

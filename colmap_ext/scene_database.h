@@ -10,6 +10,7 @@
 
 #include <chrono>
 #include <string>
+#include <vector>
 
 namespace dgsfm {
 
@@ -20,9 +21,18 @@ namespace dgsfm {
 // and later) and camera models that COLMAP 3.8 lacks are refused by name.
 Scene ReadScene(const std::string& database_path,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
-// The same for callers that need only cameras, images and key points.
+// The same for callers that need only cameras, images and key points, or only
+// cameras and images.
 Scene ReadSceneWithoutMatches(
     const std::string& database_path,
     std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+Scene ReadSceneWithoutFeatures(
+    const std::string& database_path,
+    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+
+// The key points of one image of the scene [px]; none if it has no row. Throws
+// as ReadScene().
+std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
+                                           const colmap::Image& image);
 
 }  // namespace dgsfm

@@ -313,7 +313,7 @@ DenseMatchImportSummary ImportDenseMatches(
     const DenseMatchImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadSceneWithoutMatches(database_path);
+  const Scene scene = ReadSceneWithoutFeatures(database_path);
   const DenseMatchFile file(match_path);
   const SqliteConnection connection(database_path,
                                     SqliteConnection::Mode::READ_WRITE);

@@ -188,7 +188,7 @@ class Exporter {
 
  private:
   std::vector<Job> FindJobs() {
-    const Scene scene = ReadSceneWithoutMatches(database_path_);
+    const Scene scene = ReadSceneWithoutFeatures(database_path_);
     const DepthDatabase database(database_path_,
                                  DepthDatabase::Mode::READ_ONLY);
     std::vector<Job> jobs;

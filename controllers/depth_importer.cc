@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <iomanip>
 #include <map>
+#include <mutex>
 #include <sstream>
 #include <stdexcept>
 
@@ -70,25 +71,19 @@ uint64_t SourceFingerprint(const DepthFile& file,
 }
 
 ImageDepth ReadImageDepth(const DepthFile& file,
-                          const colmap::Image& image,
+                          const std::vector<Eigen::Vector2d>& keypoints,
                           const colmap::Camera& camera,
                           const DepthImportOptions& options) {
   const ImportedDepth imported = ReadDepth(file, camera, options.reading);
   const DepthMap& depth_map = imported.depth_map;
-  std::vector<Eigen::Vector2d> keypoints;
-  keypoints.reserve(image.NumPoints2D());
-  for (const colmap::Point2D& point2D : image.Points2D()) {
-    keypoints.push_back(point2D.XY());
-  }
   std::vector<float> depths = SampleDepth(
       depth_map, keypoints, camera.Width(), camera.Height(), options.sampling);
 
   ImageDepth result;
-  result.summary.name = image.Name();
   result.summary.file = file.Description();
   result.summary.width = depth_map.width;
   result.summary.height = depth_map.height;
-  result.summary.coverage = depth_map.Coverage();
+  result.summary.coverage = imported.coverage;
   result.summary.num_keypoints = depths.size();
   result.summary.num_keypoints_with_depth = std::count_if(
       depths.begin(), depths.end(), [](float depth) { return depth > 0; });
@@ -107,8 +102,12 @@ class FileImport {
  public:
   FileImport(const Scene& scene,
              const DepthImportOptions& options,
+             const std::string& database_path,
              DepthDatabase* database)
-      : scene_(scene), options_(options), database_(database) {}
+      : scene_(scene),
+        options_(options),
+        connection_(database_path, SqliteConnection::Mode::READ_ONLY),
+        database_(database) {}
 
   void Run(const std::vector<std::pair<colmap::image_t, DepthFile>>& files,
            DepthImportSummary* summary) {
@@ -126,17 +125,24 @@ class FileImport {
   }
 
  private:
-  ImageDepth Read(colmap::image_t image_id, const DepthFile& file) const {
+  ImageDepth Read(colmap::image_t image_id, const DepthFile& file) {
     const colmap::Image& image = scene_.images.at(image_id);
+    ImageDepth result;
     try {
-      return ReadImageDepth(
-          file, image, scene_.cameras.at(image.CameraId()), options_);
+      const std::vector<Eigen::Vector2d> keypoints = ReadKeypoints(image);
+      result = ReadImageDepth(
+          file, keypoints, scene_.cameras.at(image.CameraId()), options_);
     } catch (const std::runtime_error& error) {
-      ImageDepth failed;
-      failed.summary.name = image.Name();
-      failed.error = error.what();
-      return failed;
+      result.error = error.what();
     }
+    result.summary.name = image.Name();
+    return result;
+  }
+
+  // Connections serve one thread at a time.
+  std::vector<Eigen::Vector2d> ReadKeypoints(const colmap::Image& image) {
+    const std::lock_guard<std::mutex> lock(connection_mutex_);
+    return dgsfm::ReadKeypoints(connection_, image);
   }
 
   void Write(
@@ -170,6 +176,8 @@ class FileImport {
 
   const Scene& scene_;
   const DepthImportOptions& options_;
+  std::mutex connection_mutex_;
+  const SqliteConnection connection_;
   DepthDatabase* database_;
 };
 
@@ -243,7 +251,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const DepthImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadSceneWithoutMatches(database_path);
+  const Scene scene = ReadSceneWithoutFeatures(database_path);
   DepthFileSearch search =
       FindDepthFiles(scene, depth_path, options.confidence_path);
   if (search.file_of_image.empty()) {
@@ -277,7 +285,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
       files.emplace_back(*file);
     }
   }
-  FileImport(scene, options, &database).Run(files, &summary);
+  FileImport(scene, options, database_path, &database).Run(files, &summary);
   return summary;
 }
 

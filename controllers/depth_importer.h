@@ -83,7 +83,7 @@ struct DepthImportSummary {
 // or one file two images, or if no file fits any image. The database is then as
 // it was.
 // The result does not depend on the number of threads. Memory: a few maps per
-// thread and the key points of all images (32 bytes each).
+// thread, whatever the number of images.
 DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const std::string& depth_path,
                                    const DepthImportOptions& options);

@@ -10,8 +10,8 @@ packages=(
   pkg-config python3 python3-venv
   # Libraries of COLMAP's core and of ours.
   libboost-filesystem-dev libboost-program-options-dev libboost-system-dev
-  libceres-dev libdeflate-dev libeigen3-dev libfreeimage-dev libgoogle-glog-dev
-  libhdf5-dev libopenexr-dev libpng-dev libsqlite3-dev libsuitesparse-dev
+  libceres-dev libeigen3-dev libfreeimage-dev libgoogle-glog-dev libhdf5-dev
+  libisal-dev libopenexr-dev libpng-dev libsqlite3-dev libsuitesparse-dev
   libtiff-dev libzip-dev nlohmann-json3-dev zlib1g-dev
   # Tests.
   libgmock-dev libgtest-dev

@@ -12,7 +12,7 @@ find_package(nlohmann_json REQUIRED)
 # libzip's own package file needs its command-line tools installed.
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(LIBZIP REQUIRED IMPORTED_TARGET GLOBAL libzip)
-pkg_check_modules(LIBDEFLATE REQUIRED IMPORTED_TARGET GLOBAL libdeflate)
+pkg_check_modules(LIBISAL REQUIRED IMPORTED_TARGET GLOBAL libisal)
 pkg_search_module(HDF5 IMPORTED_TARGET GLOBAL hdf5-serial hdf5)
 if(NOT HDF5_FOUND)
   message(STATUS "No libhdf5: depth and matches in HDF5 files are refused")

@@ -117,6 +117,22 @@ TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
   EXPECT_TRUE(scene.verified_matches.empty());
 }
 
+TEST_P(SceneDatabaseTest, ReadsKeypointsOfSingleImages) {
+  const Scene scene = ReadSceneWithoutFeatures(path_);
+  EXPECT_EQ(scene.cameras.size(), 2);
+  ASSERT_EQ(scene.images.size(), 3);
+  EXPECT_EQ(scene.images.at(1).NumPoints2D(), 0);
+  const auto keypoints =
+      ReadKeypoints(writer_.Connection(), scene.images.at(1));
+  ASSERT_EQ(keypoints.size(), 3);
+  EXPECT_EQ(keypoints[1], Eigen::Vector2d(3.5, 4.25));
+  EXPECT_TRUE(ReadKeypoints(writer_.Connection(), scene.images.at(3)).empty());
+
+  Execute("UPDATE keypoints SET rows = 4 WHERE image_id = 2");
+  EXPECT_THAT([&] { ReadKeypoints(writer_.Connection(), scene.images.at(2)); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("image")));
+}
+
 TEST_P(SceneDatabaseTest, LeavesDatabaseAsItWas) {
   const auto version = [this] {
     SqliteStatement select(writer_.Connection(), "PRAGMA user_version");
