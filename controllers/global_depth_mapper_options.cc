@@ -44,6 +44,13 @@ void BindPairStages(DepthGlobalMapperOptions* options,
       .Add("init_use_depth",
            &options->position_initialization.use_depth,
            "start centres and points from depth")
+      .Add("init_average_centers",
+           &options->position_initialization.average_centers,
+           "start centres at their averages over all scaled pairs, else along "
+           "a spanning tree")
+      .Add("init_random",
+           &options->position_initialization.is_random,
+           "start centres and points at random, for comparison")
       .Add("init_use_median",
            &options->position_initialization.use_median,
            "start points at the median of their lifts, else at the mean");
@@ -182,6 +189,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.view_graph.keep_connected = false;
   mapper.skip_translation_averaging = true;
   mapper.skip_depth_reliability = true;
+  mapper.position_initialization.average_centers = false;
   mapper.tracks.min_num_tracks_per_view = 0;
   mapper.refinement.bundle_adjustment.loss_scale_px = 1.0;
   mapper.refinement.refine_principal_point = false;

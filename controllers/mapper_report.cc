@@ -19,6 +19,7 @@ Json StageEntries(const std::vector<StageReport>& stages) {
     entry["stage"] = stage.stage;
     for (const auto& [figure, value] : stage.figures) entry[figure] = value;
     entry["seconds"] = stage.seconds;
+    entry["cpu_seconds"] = stage.cpu_seconds;
     entry["peak_memory_mb"] = stage.peak_memory_mb;
     entries.push_back(entry);
   }

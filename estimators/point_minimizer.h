@@ -21,6 +21,9 @@ struct PointMinimizerOptions {
   // Relative decrease of the cost by one step at which it has converged [1].
   double function_tolerance = 1e-6;
   int num_threads = 1;
+  // Entries of the factor of the reduced system above which steps come from
+  // conjugate gradients.
+  double max_num_factor_entries = ReducedSystem::kMaxNumFactorEntries;
 };
 
 struct PointMinimizerSummary {
@@ -76,7 +79,8 @@ class PointMinimizer {
         elimination_(problem->observation_index,
                      problem->camera_columns,
                      options.num_threads),
-        system_(problem->num_columns, Pattern()) {
+        system_(
+            problem->num_columns, Pattern(), options.max_num_factor_entries) {
     elimination_.Attach(system_);
   }
 

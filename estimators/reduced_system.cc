@@ -13,8 +13,6 @@ namespace {
 constexpr int kMaxNumColumnsDense = 500;
 constexpr int kMaxNumColumnsMostlyFull = 5000;
 constexpr double kMinFilledShareDense = 0.3;
-// Entries of the factor above which it is not formed: 1.6 GB.
-constexpr double kMaxNumFactorEntries = 2e8;
 constexpr int kMaxNumConjugateGradientIterations = 300;
 constexpr double kConjugateGradientTolerance = 1e-6;
 
@@ -46,7 +44,8 @@ SparseMatrix SparseLowerTriangle(int num_columns,
 }  // namespace
 
 ReducedSystem::ReducedSystem(int num_columns,
-                             const std::vector<std::pair<int, int>>& pattern)
+                             const std::vector<std::pair<int, int>>& pattern,
+                             double max_num_factor_entries)
     : num_columns_(num_columns) {
   is_dense_ = num_columns <= kMaxNumColumnsDense;
   if (!is_dense_) {
@@ -62,7 +61,7 @@ ReducedSystem::ReducedSystem(int num_columns,
   }
   cholesky_.cholmod().print = 0;
   cholesky_.analyzePattern(sparse_);
-  is_iterative_ = cholesky_.cholmod().lnz > kMaxNumFactorEntries;
+  is_iterative_ = cholesky_.cholmod().lnz > max_num_factor_entries;
 }
 
 int64_t ReducedSystem::EntryOf(int column1, int column2) const {

@@ -18,10 +18,15 @@ namespace dgsfm {
 // where that would fill up the memory.
 class ReducedSystem {
  public:
+  // Entries of a factor that is formed: 1.6 GB.
+  static constexpr double kMaxNumFactorEntries = 2e8;
+
   // `pattern`: pairs of columns, in either order and any number of times, whose
-  // entries may be non-zero; the diagonal is always part of it.
+  // entries may be non-zero; the diagonal is always part of it. Above
+  // `max_num_factor_entries` a sparse factor is not formed.
   ReducedSystem(int num_columns,
-                const std::vector<std::pair<int, int>>& pattern);
+                const std::vector<std::pair<int, int>>& pattern,
+                double max_num_factor_entries = kMaxNumFactorEntries);
 
   int NumColumns() const { return num_columns_; }
   // Place of the entry of two columns, in either order, among the values. It

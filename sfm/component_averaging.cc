@@ -336,7 +336,7 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
   return result;
 }
 
-size_t FilterByTranslation(
+ComponentTranslations AverageComponentTranslations(
     const ComponentAveragingOptions& options,
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
@@ -349,7 +349,8 @@ size_t FilterByTranslation(
       ScaledPairs(scaled_index, pairs);
   const std::vector<RelativeTranslation> translations = MetricTranslations(
       index, cam_from_world_rotations, scales, scaled_index, scaled_pairs);
-  if (translations.empty()) return 0;
+  ComponentTranslations result;
+  if (translations.empty()) return result;
   std::vector<Eigen::Vector3d> centers;
   if (!AverageTranslations(scaled_index.Size(),
                            translations,
@@ -357,19 +358,21 @@ size_t FilterByTranslation(
                            options.translation_averaging,
                            &centers)) {
     LOG(WARNING) << "Translation averaging failed: no pair is filtered by it";
-    return 0;
+    return result;
+  }
+  for (int i = 0; i < scaled_index.Size(); ++i) {
+    result.centers[scaled_index.IdOf(i)] = centers[i];
   }
   const std::vector<double> errors = TranslationErrors(translations, centers);
   const double max_error =
       std::max(options.max_translation_error_ratio / kTranslationStddevRatio,
                options.max_translation_error_factor * Median(errors));
-  size_t num_filtered = 0;
   for (size_t i = 0; i < errors.size(); ++i) {
     if (errors[i] <= max_error) continue;
     scaled_pairs[i].pair->status = PairStatus::TRANSLATION_OUTLIER;
-    ++num_filtered;
+    ++result.num_pairs_filtered;
   }
-  return num_filtered;
+  return result;
 }
 
 }  // namespace dgsfm

@@ -63,6 +63,7 @@ DepthGlobalMapper::DepthGlobalMapper(
   DGSFM_CHECK(options.IsValid(&error)) << error;
   DGSFM_CHECK(verification.IsValid(&error)) << error;
   options_.refinement.num_threads = options_.num_threads;
+  options_.position_initialization.random_seed = verification.random_seed;
   verification_.num_threads = options_.num_threads;
 }
 
@@ -240,14 +241,13 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations) {
   const ImageScales scales = AverageScalesOf(index, pairs);
+  ImageCenters centers;
   if (!options_.skip_translation_averaging) {
     StageTimer timer("translation_averaging");
-    timer.Add("pairs_filtered",
-              double(FilterByTranslation(options_.averaging,
-                                         index,
-                                         cam_from_world_rotations,
-                                         scales,
-                                         pairs)));
+    const ComponentTranslations translations = AverageComponentTranslations(
+        options_.averaging, index, cam_from_world_rotations, scales, pairs);
+    centers = translations.centers;
+    timer.Add("pairs_filtered", double(translations.num_pairs_filtered));
     timer.Finish(&result_.stages);
   }
   std::unique_ptr<colmap::Reconstruction> model =
@@ -260,6 +260,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
                       *pairs,
                       depths_,
                       scales,
+                      centers,
                       tracks,
                       options_.position_initialization,
                       model.get());
@@ -267,6 +268,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
       .Add("images", double(model->NumRegImages()))
       .Add("points", double(model->NumPoints3D()));
   initialization.Finish(&result_.stages);
+  const ImageCenters start_centers = CentersOf(*model);
   for (int i = 0; i < index.Size(); ++i) {
     if (!model->IsImageRegistered(index.IdOf(i))) {
       result_.unregistered_images[index.IdOf(i)] =
@@ -279,7 +281,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   if (success && !options_.skip_retriangulation) {
     ties = RetriangulateModel(pairs, model.get());
   }
-  FinishModel(model.get());
+  FinishModel(start_centers, model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
     for (const colmap::image_t image_id : model->RegImageIds()) {
       result_.unregistered_images[image_id] =
@@ -471,7 +473,8 @@ void DepthGlobalMapper::JudgePairsByModel(
   }
 }
 
-void DepthGlobalMapper::FinishModel(colmap::Reconstruction* model) {
+void DepthGlobalMapper::FinishModel(const ImageCenters& start_centers,
+                                    colmap::Reconstruction* model) {
   StageTimer timer("metric_scale");
   for (const auto& [image_id, reason] :
        FilterImages(options_.refinement, model)) {
@@ -487,6 +490,7 @@ void DepthGlobalMapper::FinishModel(colmap::Reconstruction* model) {
       .Add("points", double(model->NumPoints3D()))
       .Add("scale_factor", metric.factor)
       .Add("log_scale_spread", metric.log_spread)
+      .Add("scale_from_start", ScaleBetween(start_centers, CentersOf(*model)))
       .Add("images_with_scale", double(metric.num_images));
   timer.Finish(&result_.stages);
 }

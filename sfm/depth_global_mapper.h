@@ -149,7 +149,9 @@ class DepthGlobalMapper {
   void JudgePairsByModel(const colmap::Reconstruction& model,
                          const colmap::CorrespondenceGraph& graph,
                          PairGeometries* pairs);
-  void FinishModel(colmap::Reconstruction* model);
+  // `start_centers` are those before positioning.
+  void FinishModel(const ImageCenters& start_centers,
+                   colmap::Reconstruction* model);
   void ExplainMissingImages(const PairGeometries& pairs);
 
   DepthGlobalMapperOptions options_;

@@ -309,6 +309,32 @@ std::map<colmap::image_t, double> DepthScalesOfModel(
   return scales;
 }
 
+ImageCenters CentersOf(const colmap::Reconstruction& model) {
+  ImageCenters centers;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    centers[image_id] =
+        CamFromWorld(model.Image(image_id)).TargetOriginInSource();
+  }
+  return centers;
+}
+
+double ScaleBetween(const ImageCenters& from, const ImageCenters& to) {
+  Eigen::Matrix3Xd from_points(3, from.size());
+  Eigen::Matrix3Xd to_points(3, from.size());
+  Eigen::Index count = 0;
+  for (const auto& [image_id, center] : from) {
+    const auto it = to.find(image_id);
+    if (it == to.end()) continue;
+    from_points.col(count) = center;
+    to_points.col(count++) = it->second;
+  }
+  if (count < 3) return 0;
+  const Eigen::Matrix4d transform =
+      Eigen::umeyama(from_points.leftCols(count), to_points.leftCols(count));
+  const double scale = transform.topLeftCorner<3, 1>().norm();
+  return std::isfinite(scale) ? scale : 0;
+}
+
 MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
                              colmap::Reconstruction* model) {
   MetricScale metric;

@@ -5,6 +5,7 @@
 
 #include "estimators/global_positioning.h"
 #include "sfm/bundle_adjustment.h"
+#include "sfm/component_averaging.h"
 #include "sfm/view_graph.h"
 
 #include <colmap/util/alignment.h>
@@ -95,6 +96,14 @@ void UpdatePointErrors(colmap::Reconstruction* model);
 // image i of z-depth / prior depth, for images with enough of them.
 std::map<colmap::image_t, double> DepthScalesOfModel(
     const KeypointDepthMap& depths, const colmap::Reconstruction& model);
+
+// Centres of the registered images.
+ImageCenters CentersOf(const colmap::Reconstruction& model);
+
+// Factor of the similarity that takes the first centres to the second ones best
+// in the least-squares sense, of the images in both; 0 with fewer than three of
+// them or where these coincide.
+double ScaleBetween(const ImageCenters& from, const ImageCenters& to);
 
 // Scales the model so that the median of its depth scales is one. Returns the
 // factor applied (1 without depth) and the spread of log s_i over images

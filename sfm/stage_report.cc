@@ -1,5 +1,6 @@
 #include "sfm/stage_report.h"
 
+#include <fstream>
 #include <sstream>
 
 #include <glog/logging.h>
@@ -7,8 +8,32 @@
 
 namespace dgsfm {
 
+namespace {
+
+double CpuSeconds() {
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& time) {
+    return double(time.tv_sec) + 1e-6 * double(time.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+// Not ru_maxrss, which starts at the memory of the process that forked this.
+double PeakMemoryMb() {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    double kilobytes;
+    if (word == "VmHWM:" && status >> kilobytes) return kilobytes / 1024;
+  }
+  return 0;
+}
+
+}  // namespace
+
 StageTimer::StageTimer(const std::string& stage)
-    : start_(std::chrono::steady_clock::now()) {
+    : start_(std::chrono::steady_clock::now()), cpu_start_(CpuSeconds()) {
   report_.stage = stage;
 }
 
@@ -31,9 +56,8 @@ void StageTimer::Finish(std::vector<StageReport>* reports) {
   report_.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start_)
           .count();
-  rusage usage;
-  getrusage(RUSAGE_SELF, &usage);
-  report_.peak_memory_mb = double(usage.ru_maxrss) / 1024;
+  report_.cpu_seconds = CpuSeconds() - cpu_start_;
+  report_.peak_memory_mb = PeakMemoryMb();
 
   std::ostringstream line;
   line << report_.stage << ":";

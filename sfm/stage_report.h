@@ -16,6 +16,8 @@ struct StageReport {
   // Counts in and out and other figures, in the order they were added.
   std::vector<std::pair<std::string, double>> figures;
   double seconds = 0;
+  // Of all threads.
+  double cpu_seconds = 0;
   // Largest resident memory of the process so far.
   double peak_memory_mb = 0;
 };
@@ -33,6 +35,7 @@ class StageTimer {
  private:
   StageReport report_;
   std::chrono::steady_clock::time_point start_;
+  double cpu_start_;
 };
 
 }  // namespace dgsfm

@@ -2,11 +2,15 @@
 
 type = "dgsfm": this project's program. depth = folder of depth maps (a key of
     Scene.depth_folders), "database" for depth that the database already has,
-    or "none"; options = table of its options without the leading dashes.
+    or "none"; options = table of its options without the leading dashes;
+    verify_first = true verifies the pairs in a program of its own, so that
+    time and memory of the rest are known.
 type = "pycolmap_global", "pycolmap_incremental": COLMAP 4.x by pycolmap.
 type = "colmap": a program of the user's. program = path; commands = list of
     argument lists in which {database}, {images}, {output}, {threads} and
     {seed} are replaced.
+
+max_x: levels of a sweep beyond this are left out.
 """
 
 from __future__ import annotations
@@ -22,6 +26,9 @@ from .files import file_digest
 from .process import Usage, run_program
 
 NO_DEPTH = "none"
+# Stages of engines that verify first: this, and the mapper as a whole.
+VERIFICATION = "verification"
+MAPPING = "all after"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,8 +67,10 @@ class Engine:
             return _identity(Path(self.spec["program"]))
         return "pycolmap " + metadata.version("pycolmap")
 
-    def map(self, job: MappingJob) -> tuple[dict[str, float], Usage]:
-        """Runs the mapper; returns the seconds of its stages, and resources.
+    def map(self, job: MappingJob) -> tuple[dict[str, Usage], Usage]:
+        """Runs the mapper; returns the resources of its stages and of all.
+
+        Peaks of memory of the stages of a program are those so far.
 
         Raises BenchmarkError if the program fails.
         """
@@ -80,24 +89,41 @@ class Engine:
 
     def _map_with_depth(self, job):
         arguments = [
-            str(self.program), "depth_global_mapper",
             "--database_path", str(job.database),
-            "--output_path", str(job.output),
             "--num_threads", str(job.threads),
             "--random_seed", str(job.seed),
-            # Runs share the database.
-            "--write_pair_statuses", "0",
         ]  # fmt: skip
         if self.depth == NO_DEPTH:
             arguments += ["--use_depth", "0"]
+        stages: dict[str, Usage] = {}
+        usage = Usage()
+        if self.spec.get("verify_first"):
+            usage = stages[VERIFICATION] = run_program(
+                [str(self.program), "depth_geometric_verifier", *arguments],
+                job.log,
+            )
         for option, value in self.spec.get("options", {}).items():
             arguments += [f"--{option}", str(value)]
-        usage = run_program(arguments, job.log)
+        mapping = run_program(
+            [
+                str(self.program), "depth_global_mapper", *arguments,
+                "--output_path", str(job.output),
+                # Runs share the database.
+                "--write_pair_statuses", "0",
+            ],
+            job.log,
+        )  # fmt: skip
+        if self.spec.get("verify_first"):
+            stages[MAPPING] = mapping
+        usage += mapping
         report = json.loads((job.output / "report.json").read_text())
-        stages: dict[str, float] = {}
         for stage in report["stages"]:
             name = stage["stage"]
-            stages[name] = stages.get(name, 0.0) + stage["seconds"]
+            stages[name] = stages.get(name, Usage()) + Usage(
+                stage["seconds"],
+                stage["cpu_seconds"],
+                stage["peak_memory_mb"],
+            )
         return stages, usage
 
     def _map_with_pycolmap(self, job):
@@ -116,7 +142,7 @@ class Engine:
                 threads=job.threads,
                 seed=job.seed,
             )
-            stages[name] = stage_usage.seconds
+            stages[name] = stage_usage
             usage += stage_usage
         return stages, usage
 
@@ -134,7 +160,7 @@ class Engine:
             stage_usage = run_program(
                 [str(self.spec["program"]), *arguments], job.log
             )
-            stages[command[0]] = stage_usage.seconds
+            stages[command[0]] = stage_usage
             usage += stage_usage
         return stages, usage
 

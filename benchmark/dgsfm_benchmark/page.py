@@ -148,7 +148,25 @@ def _plot_notes(experiment: Experiment, records: list[Record]) -> list[str]:
         return lines
     if experiment.plot["kind"] == "ablation":
         return _ablation_table(experiment, records)
+    if experiment.plot["kind"] == "scaling":
+        return _scaling_tables(experiment, records)
     return []
+
+
+def _scaling_tables(experiment, records):
+    lines = []
+    for spec in experiment.engines:
+        runs = [r for r in records if r["engine"] == spec["name"]]
+        if spec.get("verify_first") and runs:
+            lines += [
+                f"“{spec['name']}”: processor time of all threads and peak "
+                "memory by stage, medians over seeds, and the exponents fitted "
+                "to them:",
+                "",
+                *tables.scaling_table(runs),
+                "",
+            ]
+    return lines
 
 
 def _ablation_table(experiment, records):

@@ -9,7 +9,6 @@ An experiment asks for one with plot = { kind = ..., ... }:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -20,6 +19,7 @@ from matplotlib import pyplot
 
 from .experiment import Experiment
 from .statistics import Record, auc, paired_difference, summarize
+from .tables import fit_exponent
 
 _STYLE = {
     "axes.grid": True,
@@ -123,11 +123,6 @@ def _plot_levels(axis, levels, runs, engine, color, idx):
         capsize=2,
         label=engine,
     )
-
-
-def fit_exponent(x: Sequence[float], y: Sequence[float]) -> float:
-    """Slope of log y over log x, by least squares."""
-    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def _plot_scaling(experiment, records):

@@ -140,6 +140,9 @@ def _scene_runs(
         engine = Engine(spec, settings.program)
         if engine.depth == NO_DEPTH and scene.parameters.get("depth_only"):
             continue
+        x = scene.parameters.get("x")
+        if x is not None and x > spec.get("max_x", x):
+            continue
         database = preparation.database(
             scene, engine.depth, depth_options.get(engine.depth, [])
         )
@@ -208,7 +211,11 @@ def _map_and_evaluate(run: Run) -> dict:
         reason = str(error).replace(f"{run.folder}/", "")
     finally:
         database.unlink()
-    outcome = {"stages": stages}
+    outcome = {
+        "stages": {
+            name: dataclasses.asdict(stage) for name, stage in stages.items()
+        }
+    }
     if usage is not None:
         outcome.update(dataclasses.asdict(usage))
     outcome["metrics"] = evaluate(

@@ -6,10 +6,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from .engines import MAPPING, VERIFICATION
 from .statistics import Record, auc, paired_difference, summarize
 
 # AUC points below which a difference is rounding, not a loss.
 MIN_LOSS = 0.1
+# Times below which they are rounding.
+_MIN_SECONDS = 0.1
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -169,6 +172,61 @@ def resource_table(records: list[Record], engines: Sequence[str]) -> list[str]:
             )
         rows.append(row)
     return markdown(["scene", *engines], rows)
+
+
+def fit_exponent(x: Sequence[float], y: Sequence[float]) -> float:
+    """Slope of log y over log x, by least squares."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def scaling_table(records: list[Record]) -> list[str]:
+    """Stages of an engine that verifies first over x of the levels, the longest
+    first, with the exponents of time and memory; none without two levels."""
+    by_x: dict[float, list[Record]] = {}
+    for record in records:
+        if record["status"] == "ok":
+            by_x.setdefault(record["parameters"]["x"], []).append(record)
+    x = sorted(by_x)
+    if len(x) < 2:
+        return []
+
+    def medians(stage, key):
+        return [
+            float(
+                np.median(
+                    [r["stages"].get(stage, {}).get(key, 0.0) for r in by_x[v]]
+                )
+            )
+            for v in x
+        ]
+
+    totals = [VERIFICATION, MAPPING]
+    times = {
+        stage: medians(stage, "cpu_seconds")
+        for stage in _unique(
+            totals + [name for r in by_x[x[-1]] for name in r["stages"]]
+        )
+    }
+    stages = sorted(
+        (s for s in times if s not in totals and times[s][-1] >= _MIN_SECONDS),
+        key=lambda s: -times[s][-1],
+    )
+    rows = []
+    for stage in totals + stages:
+        memory = medians(stage, "peak_memory_mb")
+        rows.append(
+            [stage]
+            + [f"{s:.1f} s, {m:.0f} MB" for s, m in zip(times[stage], memory)]
+            + [_exponent(x, times[stage], _MIN_SECONDS), _exponent(x, memory, 1)]
+        )
+    header = ["stage", *(f"{value:g} images" for value in x)]
+    return markdown([*header, "exponent of time", "of memory"], rows)
+
+
+def _exponent(x, y, min_value):
+    # Of the values that are more than rounding.
+    points = [(a, b) for a, b in zip(x, y) if b >= min_value]
+    return f"{fit_exponent(*zip(*points)):.2f}" if len(points) > 1 else ""
 
 
 def point_table(records: list[Record], engines: Sequence[str]) -> list[str]:

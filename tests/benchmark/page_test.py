@@ -186,7 +186,41 @@ class PageTest(unittest.TestCase):
 
     def test_fits_exponents(self):
         x = np.array([100, 300, 1000])
-        self.assertAlmostEqual(plots.fit_exponent(x, 3 * x**1.15), 1.15)
+        self.assertAlmostEqual(tables.fit_exponent(x, 3 * x**1.15), 1.15)
+
+    def test_scaling_table_separates_verification(self):
+        def usage(cpu_seconds, peak_memory_mb):
+            return {
+                "seconds": 99.0,
+                "cpu_seconds": cpu_seconds,
+                "peak_memory_mb": peak_memory_mb,
+            }
+
+        records = [
+            record(
+                "deep",
+                level,
+                0,
+                90,
+                stages={
+                    "verification": usage(1000.0 * factor, 10.0),
+                    "positions": usage(1.0 * factor**2, 100.0 * factor),
+                    "bundle": usage(2.0 * factor**2, 200.0 * factor),
+                    "models": usage(0.01, 200.0 * factor),
+                    "all after": usage(3.0 * factor**2, 200.0 * factor),
+                },
+            )
+            for level, factor in (("exact", 1), ("useless", 10))
+        ]
+        text = "\n".join(tables.scaling_table(records))
+        self.assertIn("| 10 images | 100 images |", text)
+        self.assertIn("| verification | 1000.0 s, 10 MB |", text)
+        self.assertIn(
+            "| all after | 3.0 s, 200 MB | 300.0 s, 2000 MB | 2.00 | 1.00 |",
+            text,
+        )
+        self.assertIn("| bundle | 2.0 s, 200 MB | 200.0 s, 2000 MB |", text)
+        self.assertNotIn("models", text)
 
 
 if __name__ == "__main__":

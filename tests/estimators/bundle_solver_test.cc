@@ -158,6 +158,54 @@ TEST(BundleSolver, ReachesTheMinimumThatCeresReaches) {
   }
 }
 
+// 120 cameras along a street, each point seen by six neighbours.
+Bundle Street() {
+  Bundle bundle;
+  std::mt19937 rng(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  std::normal_distribution<double> noise(0, 0.5);
+  bundle.cameras.push_back({2, {500, 320, 240, 0}, {}});
+  for (int i = 0; i < 120; ++i) {
+    BundleImage image;
+    image.cam_from_world.translation << -0.5 * i, 0.1 * uniform(rng), 5;
+    bundle.images.push_back(image);
+  }
+  bundle.images[0].is_constant.fill(true);
+  bundle.images.back().is_constant[3] = true;
+  for (int i = 0; i < 15 * 115; ++i) {
+    const int first = i % 115;
+    bundle.points.emplace_back(
+        0.5 * first + 1 + uniform(rng), uniform(rng), uniform(rng));
+    for (int j = first; j < first + 6; ++j) {
+      const Eigen::Vector3d in_cam =
+          bundle.images[j].cam_from_world * bundle.points.back();
+      bundle.observations.push_back(
+          {j,
+           i,
+           500 * in_cam.hnormalized() +
+               Eigen::Vector2d(320 + noise(rng), 240 + noise(rng))});
+    }
+  }
+  return Disturbed(bundle);
+}
+
+TEST(BundleSolver, ConjugateGradientsReachTheSameMinimum) {
+  Bundle direct = Street();
+  Bundle iterative = direct;
+  PointMinimizerOptions options = Converging();
+  const double expected =
+      SolveBundle(options, kLossScalePx, nullptr, &direct).final_cost;
+  options.max_num_factor_entries = 1000;
+  const PointMinimizerSummary summary =
+      SolveBundle(options, kLossScalePx, nullptr, &iterative);
+  EXPECT_TRUE(summary.converged);
+  // Steps that solve their equations to 1e-6 only slow convergence down.
+  EXPECT_NEAR(summary.final_cost, expected, 1e-6 * expected);
+  // They are other steps.
+  EXPECT_GT(MaxPointError(direct, iterative), 0);
+  EXPECT_LT(MaxPointError(direct, iterative), 1e-2);
+}
+
 TEST(BundleSolver, ConstantParametersStay) {
   Bundle bundle = Disturbed(TrueBundle({}));
   const Bundle start = bundle;

@@ -7,17 +7,22 @@
 namespace dgsfm {
 namespace {
 
-// A diagonally dominant chain with each column coupled to `reach` others.
-double ErrorOfChain(int num_columns, int reach) {
+// A diagonally dominant chain with each column coupled to the next `reach`
+// columns and to one farther off, so that factors fill in.
+double ErrorOfChain(
+    int num_columns,
+    int reach,
+    double max_num_factor_entries = ReducedSystem::kMaxNumFactorEntries) {
   std::vector<std::pair<int, int>> pattern;
   for (int i = 0; i < num_columns; ++i) {
     for (int j = i + 1; j <= std::min(i + reach, num_columns - 1); ++j) {
       pattern.emplace_back(j % 2 ? i : j, j % 2 ? j : i);
     }
+    if (i + 10 * reach < num_columns) pattern.emplace_back(i, i + 10 * reach);
   }
-  ReducedSystem system(num_columns, pattern);
+  ReducedSystem system(num_columns, pattern, max_num_factor_entries);
   Eigen::MatrixXd expected =
-      (2 * reach + 1) * Eigen::MatrixXd::Identity(num_columns, num_columns);
+      (2 * reach + 3) * Eigen::MatrixXd::Identity(num_columns, num_columns);
   std::mt19937 rng(1);
   std::uniform_real_distribution<double> uniform(-1, 1);
   system.SetZero();
@@ -45,6 +50,14 @@ TEST(ReducedSystem, SparseSystemIsSolved) {
 
 TEST(ReducedSystem, MostlyFullSystemIsSolved) {
   EXPECT_LT(ErrorOfChain(600, 400), 1e-12);
+}
+
+TEST(ReducedSystem, SystemWithLargeFactorIsSolvedIteratively) {
+  const double error = ErrorOfChain(1000, 3, /*max_num_factor_entries=*/100);
+  // The iterations end at a relative residual of 1e-6, of well conditioned
+  // equations, and do not hit the exact solution.
+  EXPECT_LT(error, 1e-5);
+  EXPECT_GT(error, 1e-12);
 }
 
 TEST(ReducedSystem, IndefiniteMatrixFails) {
