@@ -58,6 +58,9 @@ DepthGrid ToGridOfZ(const NumberArray& points);
 // at most four times the bytes.
 NumberArray ParseNpy(const std::vector<uint8_t>& bytes);
 
+// Little-endian half-precision floats.
+std::vector<float> HalfsToFloats(const std::vector<uint8_t>& bytes);
+
 // Portable float map of one channel ("Pf"). Byte order by the sign of its
 // scale, whose size is ignored, as every reader does.
 DepthGrid ParsePfm(const std::vector<uint8_t>& bytes);

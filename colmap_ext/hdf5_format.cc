@@ -1,187 +1,241 @@
 #include "colmap_ext/hdf5_format.h"
 
+#include "colmap_ext/hdf5_library.h"
+
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <mutex>
-#include <set>
 #include <stdexcept>
 
-#ifdef DGSFM_HAS_HDF5
-#include <hdf5.h>
-#endif
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 namespace dgsfm::internal {
+namespace {
+
+constexpr uint64_t kMaxReaderBytes = uint64_t(4) << 30;
+
+// The other end of the connection is gone.
+struct ConnectionLost : std::runtime_error {
+  ConnectionLost() : std::runtime_error("connection lost") {}
+};
+
+// Numbers, texts and arrays over a socket between two processes of the same
+// program.
+class Connection {
+ public:
+  explicit Connection(int socket) : socket_(socket) {}
+  ~Connection() { close(socket_); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  // Whoever else has the descriptor too.
+  void HangUp() { shutdown(socket_, SHUT_RDWR); }
+
+  void WriteNumber(uint64_t number) { Write(&number, sizeof(number)); }
+
+  template <typename Values>
+  void WriteValues(const Values& values) {
+    WriteNumber(values.size());
+    Write(values.data(), values.size() * sizeof(values[0]));
+  }
+
+  uint64_t ReadNumber() {
+    uint64_t number = 0;
+    Read(&number, sizeof(number));
+    return number;
+  }
+
+  template <typename Values>
+  Values ReadValues() {
+    Values values;
+    const uint64_t size = ReadNumber();
+    // The other process may have gone astray before it crashes.
+    if (size > kMaxFileBytes / sizeof(values[0])) throw ConnectionLost();
+    values.resize(size);
+    Read(values.data(), size * sizeof(values[0]));
+    return values;
+  }
+
+ private:
+  void Write(const void* data, size_t size) {
+    const char* bytes = static_cast<const char*>(data);
+    while (size > 0) {
+      const ssize_t count = send(socket_, bytes, size, MSG_NOSIGNAL);
+      if (count < 0 && errno == EINTR) continue;
+      if (count <= 0) throw ConnectionLost();
+      bytes += count;
+      size -= count;
+    }
+  }
+
+  void Read(void* data, size_t size) {
+    char* bytes = static_cast<char*>(data);
+    while (size > 0) {
+      const ssize_t count = recv(socket_, bytes, size, 0);
+      if (count < 0 && errno == EINTR) continue;
+      if (count <= 0) throw ConnectionLost();
+      bytes += count;
+      size -= count;
+    }
+  }
+
+  const int socket_;
+};
+
+// A request is one of these and its texts; the answer ANSWER and its content,
+// or FAILURE and the reason.
+enum Message : uint64_t { FIND_GROUPS, READ, ANSWER, FAILURE };
+
+void LimitMemory() {
+  uint64_t num_pages = 0;
+  std::ifstream("/proc/self/statm") >> num_pages;
+  const rlim_t limit = num_pages * sysconf(_SC_PAGESIZE) + kMaxReaderBytes;
+  const rlimit limits = {limit, limit};
+  setrlimit(RLIMIT_AS, &limits);
+}
+
+void AnswerRequest(const Hdf5Library& file, Connection* connection) {
+  const uint64_t request = connection->ReadNumber();
+  if (request == FIND_GROUPS) {
+    const auto name = connection->ReadValues<std::string>();
+    const std::vector<std::string> groups = file.FindGroups(name);
+    connection->WriteNumber(ANSWER);
+    connection->WriteNumber(groups.size());
+    for (const std::string& group : groups) connection->WriteValues(group);
+  } else {
+    const auto group = connection->ReadValues<std::string>();
+    const auto name = connection->ReadValues<std::string>();
+    const std::optional<NumberArray> array = file.Read(group, name);
+    connection->WriteNumber(ANSWER);
+    connection->WriteNumber(array.has_value());
+    if (!array) return;
+    connection->WriteValues(array->shape);
+    connection->WriteValues(array->values);
+  }
+}
+
+// What the child process does, until the other end hangs up.
+void Serve(const std::string& path, Connection* connection) {
+  std::unique_ptr<Hdf5Library> file;
+  while (true) {
+    try {
+      if (file == nullptr) {
+        file = std::make_unique<Hdf5Library>(path);
+        connection->WriteNumber(ANSWER);
+      }
+      AnswerRequest(*file, connection);
+    } catch (const ConnectionLost&) {
+      return;
+    } catch (const std::exception& error) {
+      connection->WriteNumber(FAILURE);
+      connection->WriteValues(std::string(error.what()));
+      if (file == nullptr) return;
+    }
+  }
+}
+
+}  // namespace
 
 bool IsHdf5Path(const std::string& path) {
   const std::string extension = std::filesystem::path(path).extension();
   return extension == ".h5" || extension == ".hdf5";
 }
 
-#ifdef DGSFM_HAS_HDF5
-
-namespace {
-
-constexpr int kMaxNumDimensions = 5;
-
-// libhdf5 serves one thread at a time.
-std::mutex& LibraryMutex() {
-  static std::mutex mutex;
-  return mutex;
-}
-
-// An identifier and the function that gives it back.
-class Handle {
+// The child process and the connection to it.
+class Hdf5File::Reader {
  public:
-  Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
-  ~Handle() {
-    if (id_ >= 0) close_(id_);
+  explicit Reader(const std::string& path) {
+    // Otherwise a child of another thread could keep this child's end open,
+    // whose closing tells of a crash.
+    static std::mutex mutex;
+    const std::lock_guard<std::mutex> lock(mutex);
+    int sockets[2];
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0) {
+      throw std::runtime_error(std::strerror(errno));
+    }
+    process_ = fork();
+    if (process_ == 0) RunChild(path, sockets[1]);
+    close(sockets[1]);
+    connection_ = std::make_unique<Connection>(sockets[0]);
+    if (process_ < 0) throw std::runtime_error(std::strerror(errno));
   }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-  operator hid_t() const { return id_; }
+
+  ~Reader() {
+    connection_->HangUp();
+    waitpid(process_, nullptr, 0);
+  }
+
+  // Runs exchange(connection), whose last word is the other side's.
+  template <typename Exchange>
+  auto Run(const Exchange& exchange) {
+    try {
+      return exchange(connection_.get());
+    } catch (const ConnectionLost&) {
+      throw std::runtime_error("damaged HDF5 file, which libhdf5 crashes on");
+    }
+  }
+
+  // Throws the reason if the answer is an error.
+  static void ReadAnswer(Connection* connection) {
+    if (connection->ReadNumber() == ANSWER) return;
+    throw std::runtime_error(connection->ReadValues<std::string>());
+  }
 
  private:
-  hid_t id_;
-  herr_t (*close_)(hid_t);
-};
-
-struct Search {
-  std::string name;
-  std::set<std::string> groups;
-};
-
-// Called for each object of the file with its path from the root.
-herr_t OnObject(hid_t, const char* path, const H5O_info_t* info, void* data) {
-  auto* search = static_cast<Search*>(data);
-  if (info->type != H5O_TYPE_DATASET) return 0;
-  const std::string text = path;
-  const size_t slash = text.rfind('/');
-  if (slash == std::string::npos) return 0;
-  if (search->name.empty() || text.substr(slash + 1) == search->name) {
-    search->groups.insert(text.substr(0, slash));
-  }
-  return 0;
-}
-
-std::vector<uint64_t> ReadShape(hid_t space) {
-  const int num_dimensions = space < 0 ? -1 : H5Sget_simple_extent_ndims(space);
-  if (num_dimensions < 0 || num_dimensions > kMaxNumDimensions) {
-    throw std::runtime_error(std::to_string(num_dimensions) + " dimensions");
-  }
-  hsize_t sizes[kMaxNumDimensions] = {};
-  H5Sget_simple_extent_dims(space, sizes, nullptr);
-  return {sizes, sizes + num_dimensions};
-}
-
-// NumPy's booleans are an enumeration of bytes there.
-std::vector<float> ReadBooleans(hid_t dataset, hid_t type, uint64_t count) {
-  std::vector<uint8_t> bytes(count);
-  if (H5Tget_size(type) != 1 ||
-      H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0) {
-    throw std::runtime_error("unreadable");
-  }
-  return {bytes.begin(), bytes.end()};
-}
-
-std::vector<float> ReadValues(hid_t dataset, hid_t type, uint64_t count) {
-  const H5T_class_t type_class = type < 0 ? H5T_NO_CLASS : H5Tget_class(type);
-  if (type_class == H5T_ENUM) return ReadBooleans(dataset, type, count);
-  if (type_class != H5T_FLOAT && type_class != H5T_INTEGER) {
-    throw std::runtime_error("no numbers");
-  }
-  std::vector<float> values(count);
-  if (H5Dread(dataset,
-              H5T_NATIVE_FLOAT,
-              H5S_ALL,
-              H5S_ALL,
-              H5P_DEFAULT,
-              values.data()) < 0) {
-    throw std::runtime_error("unreadable");
-  }
-  return values;
-}
-
-}  // namespace
-
-struct Hdf5File::Impl {
-  explicit Impl(const std::string& path) {
-    const std::lock_guard<std::mutex> lock(LibraryMutex());
-    // Otherwise libhdf5 prints its errors.
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-    id = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
-    if (id < 0) throw std::runtime_error("no readable HDF5 file");
-    std::error_code error;
-    file_size = std::filesystem::file_size(path, error);
-  }
-  ~Impl() {
-    const std::lock_guard<std::mutex> lock(LibraryMutex());
-    H5Fclose(id);
+  [[noreturn]] static void RunChild(const std::string& path, int socket) {
+    LimitMemory();
+    try {
+      Connection connection(socket);
+      Serve(path, &connection);
+    } catch (...) {
+    }
+    // Leaves the buffers and destructors of the parent alone.
+    _exit(0);
   }
 
-  hid_t id = -1;
-  uint64_t file_size = 0;
+  pid_t process_ = -1;
+  std::unique_ptr<Connection> connection_;
 };
 
 Hdf5File::Hdf5File(const std::string& path)
-    : impl_(std::make_unique<Impl>(path)) {}
+    : reader_(std::make_unique<Reader>(path)) {
+  reader_->Run(&Reader::ReadAnswer);
+}
 
 Hdf5File::~Hdf5File() = default;
 
 std::vector<std::string> Hdf5File::FindGroups(const std::string& name) const {
-  const std::lock_guard<std::mutex> lock(LibraryMutex());
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  Search search = {name, {}};
-  if (H5Ovisit(impl_->id, H5_INDEX_NAME, H5_ITER_NATIVE, OnObject, &search) <
-      0) {
-    throw std::runtime_error("damaged HDF5 file");
-  }
-  return {search.groups.begin(), search.groups.end()};
+  return reader_->Run([&](Connection* connection) {
+    connection->WriteNumber(FIND_GROUPS);
+    connection->WriteValues(name);
+    Reader::ReadAnswer(connection);
+    std::vector<std::string> groups;
+    for (uint64_t count = connection->ReadNumber(); count > 0; --count) {
+      groups.push_back(connection->ReadValues<std::string>());
+    }
+    return groups;
+  });
 }
 
 std::optional<NumberArray> Hdf5File::Read(const std::string& group,
                                           const std::string& name) const {
-  const std::lock_guard<std::mutex> lock(LibraryMutex());
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are per thread
-  const Handle parent(H5Gopen2(impl_->id, group.c_str(), H5P_DEFAULT),
-                      H5Gclose);
-  if (parent < 0 || H5Lexists(parent, name.c_str(), H5P_DEFAULT) <= 0) {
-    return std::nullopt;
-  }
-  const std::string array = "the data set " + group + "/" + name;
-  const Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose);
-  if (dataset < 0) throw std::runtime_error(array + ": unreadable");
-  const Handle type(H5Dget_type(dataset), H5Tclose);
-  const Handle space(H5Dget_space(dataset), H5Sclose);
-  try {
-    NumberArray result = {ReadShape(space), {}};
-    CheckExpansion(CountValues(result.shape), impl_->file_size);
-    result.values = ReadValues(dataset, type, CountValues(result.shape));
-    return result;
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(array + ": " + error.what());
-  }
+  return reader_->Run([&](Connection* connection) {
+    connection->WriteNumber(READ);
+    connection->WriteValues(group);
+    connection->WriteValues(name);
+    Reader::ReadAnswer(connection);
+    std::optional<NumberArray> array;
+    if (connection->ReadNumber() == 0) return array;
+    array.emplace();
+    array->shape = connection->ReadValues<std::vector<uint64_t>>();
+    array->values = connection->ReadValues<std::vector<float>>();
+    return array;
+  });
 }
-
-#else  // DGSFM_HAS_HDF5
-
-struct Hdf5File::Impl {};
-
-Hdf5File::Hdf5File(const std::string&) {
-  throw std::runtime_error(
-      "this program was built without HDF5: install libhdf5-dev and build it "
-      "again, or convert the file to .npz");
-}
-
-Hdf5File::~Hdf5File() = default;
-
-std::vector<std::string> Hdf5File::FindGroups(const std::string&) const {
-  return {};
-}
-
-std::optional<NumberArray> Hdf5File::Read(const std::string&,
-                                          const std::string&) const {
-  return std::nullopt;
-}
-
-#endif  // DGSFM_HAS_HDF5
 
 }  // namespace dgsfm::internal

@@ -16,8 +16,12 @@ namespace dgsfm::internal {
 // Whether the path ends in .h5 or .hdf5.
 bool IsHdf5Path(const std::string& path);
 
-// An open file. Methods throw std::runtime_error with the reason. Callable from
-// several threads, one at a time is served: so it is with libhdf5.
+// An open file. Methods throw std::runtime_error with the reason.
+//
+// libhdf5 reads and writes out of bounds where a file is damaged on purpose. So
+// a child process reads, which gets 4 GB of memory beyond what this one has; a
+// crash there is an error here. Objects are independent of each other, also in
+// threads; one serves one thread at a time.
 class Hdf5File {
  public:
   explicit Hdf5File(const std::string& path);
@@ -33,8 +37,8 @@ class Hdf5File {
                                   const std::string& name) const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  class Reader;
+  std::unique_ptr<Reader> reader_;
 };
 
 }  // namespace dgsfm::internal

@@ -266,6 +266,12 @@ NumberArray ParseNpy(const std::vector<uint8_t>& bytes) {
   return array;
 }
 
+std::vector<float> HalfsToFloats(const std::vector<uint8_t>& bytes) {
+  std::vector<float> values(bytes.size() / 2);
+  LoadNumbers<Eigen::half, order::little>(bytes.data(), &values);
+  return values;
+}
+
 std::vector<uint8_t> FormatNpyHalf(const DepthGrid& grid) {
   const std::string header = FormatHeader("<f2", grid);
   std::vector<uint8_t> bytes(header.begin(), header.end());

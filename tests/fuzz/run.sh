@@ -4,7 +4,8 @@
 #   run.sh [SECONDS [FORMAT...]]      600 seconds, all
 #
 # Corpora and findings are kept in build/fuzz/corpus. Allocations beyond 2.5 GB,
-# more than the largest map takes as doubles, count as findings.
+# more than the largest map takes as doubles, count as findings. What libhdf5 does
+# wrong in the process that reads for us leaves files there too, but ends nothing.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -23,11 +24,9 @@ for format in "${formats[@]}"; do
   corpus=build/fuzz/corpus/$format
   mkdir -p "$corpus"
   echo "fuzz_$format, $seconds s"
-  # libhdf5 1.10 itself leaks on some damaged files.
-  detect_leaks=$([[ $format == HDF5 ]] && echo 0 || echo 1)
   "build/fuzz/tests/fuzz/fuzz_$format" -max_total_time="$seconds" \
     -malloc_limit_mb=2500 -rss_limit_mb=6000 -timeout=30 -print_final_stats=1 \
-    -detect_leaks="$detect_leaks" -artifact_prefix="$corpus-" "$corpus" 2>"$corpus.log" ||
+    -artifact_prefix="$corpus-" "$corpus" 2>"$corpus.log" ||
     { tail -n 40 "$corpus.log"; exit 1; }
   grep -E "stat::(number_of_executed|peak)" "$corpus.log"
 done

@@ -1,0 +1,112 @@
+#include "colmap_ext/hdf5_format.h"
+
+#include "tests/testing/test_dir.h"
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/types.h>
+
+namespace dgsfm::internal {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+// A file by h5py: groups a.jpg and sub/b.jpg; empty without h5py.
+std::string WriteFile() {
+  const std::string dir = CreateTestDir();
+  std::ofstream(dir + "/write.py") << R"(
+import sys
+import h5py
+import numpy as np
+with h5py.File(sys.argv[1], 'w') as file:
+    a = file.create_group('a.jpg')
+    a['depth'] = np.array([[0.5, 2, np.inf], [65504, 6e-8, -1]], np.float16)
+    a['mask'] = np.array([True, False])
+    a['name'] = 'no numbers'
+    file['sub/b.jpg/depth'] = np.array([1.5, 1e30], '>f4')
+)";
+  const std::string path = dir + "/depth.h5";
+  const std::string command =
+      DGSFM_PYTHON " " + dir + "/write.py " + path + " 2>/dev/null";
+  return std::system(command.c_str()) == 0 ? path : "";
+}
+
+// Children of this thread.
+std::vector<pid_t> Children() {
+  std::ifstream file("/proc/thread-self/children");
+  std::vector<pid_t> children;
+  for (pid_t child = 0; file >> child;) children.push_back(child);
+  return children;
+}
+
+TEST(Hdf5File, ReadsGroupsAndArrays) {
+  const std::string path = WriteFile();
+  if (path.empty()) GTEST_SKIP() << "no Python with h5py";
+  const Hdf5File file(path);
+  EXPECT_THAT(file.FindGroups("depth"), ElementsAre("a.jpg", "sub/b.jpg"));
+  EXPECT_THAT(file.FindGroups("mask"), ElementsAre("a.jpg"));
+  const auto depth = file.Read("a.jpg", "depth");
+  ASSERT_TRUE(depth.has_value());
+  EXPECT_THAT(depth->shape, ElementsAre(2, 3));
+  EXPECT_EQ(depth->values[0], 0.5);
+  EXPECT_EQ(depth->values[2], std::numeric_limits<float>::infinity());
+  EXPECT_EQ(depth->values[3], 65504);
+  EXPECT_NEAR(depth->values[4], 6e-8, 1e-9);  // to the nearest 2^-24
+  EXPECT_EQ(depth->values[5], -1);
+  EXPECT_THAT(file.Read("a.jpg", "mask")->values, ElementsAre(1, 0));
+  EXPECT_THAT(file.Read("sub/b.jpg", "depth")->values, ElementsAre(1.5, 1e30f));
+  EXPECT_FALSE(file.Read("a.jpg", "missing").has_value());
+  EXPECT_FALSE(file.Read("missing", "depth").has_value());
+  EXPECT_THAT([&] { file.Read("a.jpg", "name"); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("no numbers")));
+  // It goes on after an error.
+  EXPECT_TRUE(file.Read("a.jpg", "depth").has_value());
+}
+
+TEST(Hdf5File, SurvivesACrashOfTheReadingProcess) {
+  const std::string path = WriteFile();
+  if (path.empty()) GTEST_SKIP() << "no Python with h5py";
+  {
+    const Hdf5File file(path);
+    const std::vector<pid_t> children = Children();
+    ASSERT_EQ(children.size(), 1);
+    ASSERT_EQ(kill(children.front(), SIGSEGV), 0);
+    EXPECT_THAT([&] { file.Read("a.jpg", "depth"); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("crashes")));
+    EXPECT_THROW(file.FindGroups(""), std::runtime_error);
+  }
+  EXPECT_TRUE(Children().empty());
+}
+
+// On these libhdf5 1.10 reads beyond its buffers, unnoticed as a rule.
+TEST(Hdf5File, SurvivesWhatTheFuzzerFound) {
+  size_t num_files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(
+           DGSFM_SOURCE_DIR "/tests/fuzz/findings")) {
+    if (entry.path().extension() != ".h5") continue;
+    ++num_files;
+    try {
+      const Hdf5File file(entry.path());
+      for (const std::string& group : file.FindGroups("")) {
+        file.Read(group, "depth");
+      }
+    } catch (const std::runtime_error&) {
+    }
+  }
+  EXPECT_EQ(num_files, 3);
+  EXPECT_TRUE(Children().empty());
+}
+
+}  // namespace
+}  // namespace dgsfm::internal
