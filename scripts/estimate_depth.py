@@ -39,9 +39,10 @@ def to_array(tensor):
 class TorchModel:
     """One image after the other on a device of PyTorch."""
 
-    # How to get the package, and the default of --weights.
+    # How to get the package, the default of --weights, and where these are from.
     install = ""
     weights = ""
+    origin = "huggingface.co; a folder or file of that name here goes first"
 
     def __init__(self, options):
         import torch
@@ -108,6 +109,7 @@ class DepthAnything3(TorchModel):
 
     def estimate_one(self, image):
         result = self.model.inference([image])
+        # Its maps, and the camera with them, are smaller than the image.
         maps = {"depth": np.asarray(result.depth)[0]}
         if getattr(result, "conf", None) is not None:
             maps["confidence"] = np.asarray(result.conf)[0]
@@ -124,6 +126,7 @@ class UniDepth2(TorchModel):
         from unidepth.models import UniDepthV2
 
         self.model = UniDepthV2.from_pretrained(weights).to(self.device).eval()
+        self.model.interpolation_mode = "bilinear"
 
     def estimate_one(self, image):
         result = self.model.infer(self.tensor(image))
@@ -141,6 +144,7 @@ class UniK3d(TorchModel):
         from unik3d.models import UniK3D
 
         self.model = UniK3D.from_pretrained(weights).to(self.device).eval()
+        self.model.interpolation_mode = "bilinear"
 
     def estimate_one(self, image):
         # Points 3 x height x width; its "distance" is along the ray.
@@ -150,6 +154,7 @@ class UniK3d(TorchModel):
 class DepthPro(TorchModel):
     install = "pip install git+https://github.com/apple/ml-depth-pro.git"
     weights = "./checkpoints/depth_pro.pt"
+    origin = "get_pretrained_models.sh of github.com/apple/ml-depth-pro"
 
     def load(self, weights):
         import dataclasses
@@ -175,12 +180,13 @@ class DepthPro(TorchModel):
 class Metric3d(TorchModel):
     install = "pip install torch mmengine (the rest comes by torch.hub)"
     weights = "metric3d_vit_large"
-    # Of its training: size of the input, and the focal length in pixels that its
-    # depth belongs to.
-    size = (616, 1064)
+    origin = "torch.hub, the entry points of github.com/YvanYin/Metric3D"
+    # Of its training: the focal length in pixels that its depth belongs to.
     focal_length = 1000
 
     def load(self, weights):
+        # Of its training, too.
+        self.size = (544, 1216) if "convnext" in weights else (616, 1064)
         self.model = self.torch.hub.load("yvanyin/metric3d", weights, pretrain=True)
         self.model = self.model.to(self.device).eval()
 
@@ -303,6 +309,13 @@ def create_model(options):
         return model(options)
     except ImportError as error:
         sys.exit(f"{error}\nThe model needs: {model.install}")
+    except Exception as error:
+        name = options.model if is_onnx else options.weights or model.weights
+        sys.exit(
+            f"{type(error).__name__}: {error}\n"
+            f"The weights {name} could not be loaded"
+            + ("" if is_onnx else f" (from {model.origin}; --weights takes others)")
+        )
 
 
 def find_images(options):

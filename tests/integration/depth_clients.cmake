@@ -18,6 +18,9 @@ dgsfm_add_script_test(Model.OtherLoadersReadIt
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/model_loaders.py)
 dgsfm_add_script_test(EstimateDepth.RunsOnnxModels
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/estimate_depth_test.py)
+dgsfm_add_script_test(EstimateDepth.CallsModelsAsPublished
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/estimate_depth_adapters.py)
 dgsfm_add_script_test(Databases.OfEveryColmapAreExtended
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/client_databases.py)
