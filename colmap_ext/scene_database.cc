@@ -102,12 +102,16 @@ class SceneReader {
       return;
     }
     SqliteStatement select(connection_, kMultiCameraRigQuery);
-    if (select.Step()) {
-      throw connection_.Error()
-          << "rig " << select.Int(0)
-          << " has more than one camera (such as camera " << select.Int(1)
-          << "); rigs are not supported, only images that move by themselves";
-    }
+    if (!select.Step()) return;
+    SqliteStatement images(connection_,
+                           "SELECT name FROM images WHERE camera_id = ? "
+                           "ORDER BY image_id LIMIT 1");
+    images.BindInt(1, select.Int(1));
+    throw connection_.Error()
+        << "rig " << select.Int(0)
+        << " has more than one camera (such as camera " << select.Int(1)
+        << (images.Step() ? " of image " + images.Text(0) : "")
+        << "); rigs are not supported, only images that move by themselves";
   }
 
   void ReadCameras() {

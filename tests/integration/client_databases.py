@@ -141,25 +141,62 @@ class ClientDatabases(unittest.TestCase):
                 num_refused += 1
         self.assertGreater(num_refused, 0)
 
-    def test_rigs_of_cameras_are_refused_by_name(self):
-        path = self.newest()
+    def make_rigs(self, path, are_joined):
+        """Two cameras, of one rig or each of its own, and 3 frames."""
         with pycolmap.Database.open(path) as database:
-            cameras = [
-                pycolmap.Camera(
+            cameras = []
+            for _ in range(2):
+                camera = pycolmap.Camera(
                     model="PINHOLE", width=320, height=240, params=[300, 300, 160, 120]
                 )
-                for _ in range(2)
-            ]
-            for camera in cameras:
                 camera.camera_id = database.write_camera(camera)
-            rig = pycolmap.Rig()
-            rig.add_ref_sensor(cameras[0].sensor_id)
-            rig.add_sensor(cameras[1].sensor_id, pycolmap.Rigid3d())
-            rig_id = database.write_rig(rig)
+                cameras.append(camera)
+            rigs = [pycolmap.Rig()]
+            rigs[0].add_ref_sensor(cameras[0].sensor_id)
+            if are_joined:
+                rigs[0].add_sensor(cameras[1].sensor_id, pycolmap.Rigid3d())
+            else:
+                rigs.append(pycolmap.Rig())
+                rigs[1].add_ref_sensor(cameras[1].sensor_id)
+            rig_ids = [database.write_rig(rig) for rig in rigs]
+            for i in range(3):
+                images = []
+                for camera, side in zip(cameras, ("left", "right")):
+                    image = pycolmap.Image(
+                        name=f"{side}/{i}.png", camera_id=camera.camera_id
+                    )
+                    image.image_id = database.write_image(image)
+                    images.append(image)
+                groups = [images] if are_joined else [[image] for image in images]
+                for rig_id, group in zip(rig_ids, groups):
+                    frame = pycolmap.Frame()
+                    frame.rig_id = rig_id
+                    for image in group:
+                        frame.add_data_id(image.data_id)
+                    database.write_frame(frame)
+        return rig_ids, cameras
+
+    def test_rigs_of_cameras_are_refused_by_name(self):
+        path = self.path / "rigs.db"
+        (rig_id,), cameras = self.make_rigs(path, are_joined=True)
+        for code, output in (self.importer(path), self.verify(path)):
+            self.assertEqual(code, 1)
+            self.assertIn(f"rig {rig_id} has more than one camera", output)
+            camera = f"camera {cameras[1].camera_id} of image right/0.png"
+            self.assertIn(camera, output)
+
+    def test_rigs_of_one_camera_are_read(self):
+        path = self.path / "rigs.db"
+        self.make_rigs(path, are_joined=False)
+        for i, side in ((0, "left"), (1, "right"), (2, "left")):
+            (self.depth / side).mkdir(exist_ok=True)
+            (self.depth / f"{i}.png.npy").rename(self.depth / side / f"{i}.png.npy")
         code, output = self.importer(path)
-        self.assertEqual(code, 1)
-        self.assertIn(f"rig {rig_id} has more than one camera", output)
-        self.assertIn(f"camera {cameras[1].camera_id}", output)
+        self.assertEqual(code, 0, output)
+        self.assertIn("imported 3 of 6 images", output)
+        with pycolmap.Database.open(path) as database:
+            self.assertEqual(len(database.read_all_rigs()), 2)
+            self.assertEqual(len(database.read_all_frames()), 6)
 
     def test_other_features_are_noticed(self):
         # Others of the same number: extracted again with other options.
