@@ -10,9 +10,13 @@ foreach(CELL ${CELLS})
     ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
     ${DGSFM_PYTHON} -B ${CLIENTS} DepthClients.test_${CELL})
 endforeach()
-dgsfm_add_script_test(DepthImporter.GoesOnAfterKills
-  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
-  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/importer_kill_test.py)
+# The script's default are 50 kills.
+foreach(COMMAND depth_importer dense_match_importer depth_geometric_verifier)
+  dgsfm_add_script_test(Kills.${COMMAND}
+    ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+    ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/importer_kill_test.py
+    ${COMMAND} 12)
+endforeach()
 dgsfm_add_script_test(Model.OtherLoadersReadIt
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/model_loaders.py)
