@@ -1,5 +1,7 @@
 #include "colmap_ext/npz_format.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
@@ -29,8 +31,11 @@ std::unique_ptr<zip_t, ZipCloser> OpenArchive(const std::string& path) {
   return archive;
 }
 
-// Before allocating what a damaged size asks for.
-void CheckSize(const zip_stat_t& stat, const std::string& array) {
+// Before allocating what a damaged size asks for; that of the compressed data
+// is not to be believed either.
+void CheckSize(const zip_stat_t& stat,
+               uint64_t file_size,
+               const std::string& array) {
   constexpr zip_uint64_t kNeeded =
       ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
   if ((stat.valid & kNeeded) != kNeeded ||
@@ -39,7 +44,7 @@ void CheckSize(const zip_stat_t& stat, const std::string& array) {
     throw std::runtime_error(array + " is neither stored nor deflated");
   }
   if (stat.size > kMaxFileBytes ||
-      stat.size / kMaxDeflateRatio > stat.comp_size) {
+      stat.size / kMaxDeflateRatio > std::min(stat.comp_size, file_size)) {
     throw std::runtime_error(array + " has an impossible size of " +
                              std::to_string(stat.size) + " bytes");
   }
@@ -49,10 +54,12 @@ void CheckSize(const zip_stat_t& stat, const std::string& array) {
 
 struct NpzFile::Impl {
   std::unique_ptr<zip_t, ZipCloser> archive;
+  uint64_t file_size = 0;
 };
 
 NpzFile::NpzFile(const std::string& path)
-    : impl_(std::make_unique<Impl>(Impl{OpenArchive(path)})) {}
+    : impl_(std::make_unique<Impl>(
+          Impl{OpenArchive(path), std::filesystem::file_size(path)})) {}
 
 NpzFile::~NpzFile() = default;
 
@@ -80,7 +87,7 @@ std::optional<NumberArray> NpzFile::Read(const std::string& name) const {
   if (zip_stat(archive, (name + kExtension).c_str(), 0, &stat) != 0) {
     return std::nullopt;
   }
-  CheckSize(stat, array);
+  CheckSize(stat, impl_->file_size, array);
   const std::unique_ptr<zip_file_t, ZipCloser> file(
       zip_fopen_index(archive, stat.index, 0));
   if (file == nullptr) {

@@ -447,6 +447,12 @@ TEST_F(DepthMapIo, DamagedBytesNeverCrash) {
   }
 }
 
+// 301 bytes that claim 755 MB, in the size of the compressed data too.
+TEST_F(DepthMapIo, RefusesWhatTheFuzzerFound) {
+  ExpectError(DGSFM_SOURCE_DIR "/tests/fuzz/findings/huge_sizes.npz",
+              "impossible size");
+}
+
 TEST_F(DepthMapIo, ReadsNpzStoredAndDeflated) {
   for (const int method : {ZIP_CM_STORE, ZIP_CM_DEFLATE}) {
     const std::string path =
