@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -99,8 +100,8 @@ class PointElimination {
       block.gradient.setZero();
       for (const int k : ObservationsOf(int(camera))) {
         const Row& row = rows_[k];
-        block.hessian.noalias() += row.by_camera * row.by_camera.transpose();
-        block.gradient.noalias() += row.by_camera * row.residual;
+        AddProduct(1, row.by_camera, row.by_camera, &block.hessian);
+        block.gradient += row.by_camera.lazyProduct(row.residual);
       }
     });
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
@@ -321,9 +322,13 @@ class PointElimination {
     const int* others_end = block_cameras_.data() + block_begin_[camera + 1];
     CameraMatrix* blocks = blocks_.data() + block_begin_[camera];
     blocks[0] = own.hessian;
-    std::for_each(blocks + 1, blocks + (others_end - others), [](auto& block) {
-      block.setZero();
-    });
+    // Blocks of the cameras that share points with this one.
+    const std::unique_ptr<CameraMatrix*[]> block_of(
+        new CameraMatrix*[observations_.num_cameras]);
+    for (const int* other = others; other != others_end; ++other) {
+      block_of[*other] = blocks + (other - others);
+      if (other != others) block_of[*other]->setZero();
+    }
     for (const int k : ObservationsOf(camera)) {
       const Row& row = rows_[k];
       const int point = observations_.points[k];
@@ -333,19 +338,17 @@ class PointElimination {
       const Eigen::Matrix<double, kResidual, 1> shift =
           projected.lazyProduct(point_block.gradient);
       own.rhs += row.by_camera.lazyProduct(shift);
-      const int* other = others;
       for (int l = k; l < point_begin_[point + 1]; ++l) {
         const Row& other_row = rows_[l];
         const Eigen::Matrix<double, kResidual, kResidual> core =
             projected.lazyProduct(other_row.by_point);
         const Eigen::Matrix<double, kCamera, kResidual> right =
             other_row.by_camera.lazyProduct(core.transpose());
-        other = std::lower_bound(other, others_end, observations_.cameras[l]);
-        CameraMatrix& block = blocks[other - others];
-        AddProduct(-1, row.by_camera, right, &block);
+        CameraMatrix* block = block_of[observations_.cameras[l]];
+        AddProduct(-1, row.by_camera, right, block);
         // Twice in the track of one point.
-        if (other == others && l > k) {
-          AddProduct(-1, right, row.by_camera, &block);
+        if (block == blocks && l > k) {
+          AddProduct(-1, right, row.by_camera, block);
         }
       }
     }
