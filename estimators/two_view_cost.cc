@@ -8,11 +8,15 @@ namespace {
 
 double Square(double x) { return x * x; }
 
-// matrix += weight * row row^T.
-template <typename Matrix, typename Row>
-void AddOuterProduct(const Row& row, double weight, Matrix* matrix) {
-  for (int k = 0; k < Row::RowsAtCompileTime; ++k) {
-    matrix->col(k) += (weight * row(k)) * row;
+// The lower triangle of matrix += left right^T, from a column on.
+template <int kColumn = 0, int kSize>
+void AddLowerProduct(const Eigen::Matrix<double, kSize, 1>& left,
+                     const Eigen::Matrix<double, kSize, 1>& right,
+                     Eigen::Matrix<double, kSize, kSize>* matrix) {
+  if constexpr (kColumn < kSize) {
+    matrix->col(kColumn).template tail<kSize - kColumn>() +=
+        right(kColumn) * left.template tail<kSize - kColumn>();
+    AddLowerProduct<kColumn + 1>(left, right, matrix);
   }
 }
 
@@ -20,9 +24,48 @@ void AddRow(const TwoViewStep& row,
             double residual,
             double weight,
             NormalEquations* normal) {
-  AddOuterProduct(row, weight, &normal->matrix);
+  AddLowerProduct(row, TwoViewStep(weight * row), &normal->matrix);
   normal->gradient += (weight * residual) * row;
 }
+
+// Sum of robustified squares.
+class LossSum {
+ public:
+  LossSum(bool cauchy, double max_sq_error)
+      : cauchy_(cauchy), max_sq_error_(max_sq_error) {}
+
+  // Returns the derivative of the robustified square.
+  double Add(double sq_error) {
+    const bool is_inlier = sq_error < max_sq_error_;
+    if (!cauchy_) {
+      sum_ += is_inlier ? sq_error : max_sq_error_;
+      return is_inlier ? 1 : 0;
+    }
+    // Of at most 2, so that one logarithm serves many.
+    const double factor = is_inlier ? 1 + sq_error / max_sq_error_ : 2;
+    product_ *= factor;
+    if (product_ > kMaxProduct) Flush();
+    return is_inlier ? 1 / factor : 0;
+  }
+
+  double Total() {
+    if (cauchy_) Flush();
+    return sum_;
+  }
+
+ private:
+  static constexpr double kMaxProduct = 1e300;
+
+  void Flush() {
+    sum_ += max_sq_error_ * std::log(product_);
+    product_ = 1;
+  }
+
+  const bool cauchy_;
+  const double max_sq_error_;
+  double sum_ = 0;
+  double product_ = 1;
+};
 
 }  // namespace
 
@@ -63,6 +106,8 @@ TwoViewCost TwoViewCostFunction::Linearize(const TwoViewModel& model,
     AddReprojection(TransferDirection::BACKWARD, model, &cost, normal);
   }
   AddPriors(model, fields, &cost, normal);
+  normal->matrix.triangularView<Eigen::StrictlyUpper>() =
+      normal->matrix.transpose();
   return cost;
 }
 
@@ -126,20 +171,6 @@ TwoViewCostFunction::Whitening TwoViewCostFunction::WhitenAt(
   return whitening;
 }
 
-// Robustified square; `weight` is its derivative.
-double TwoViewCostFunction::Loss(double sq_error,
-                                 double max_sq_error,
-                                 double* weight) const {
-  const bool is_inlier = sq_error < max_sq_error;
-  if (!options_.cauchy) {
-    *weight = is_inlier ? 1 : 0;
-    return is_inlier ? sq_error : max_sq_error;
-  }
-  *weight = is_inlier ? 1 / (1 + sq_error / max_sq_error) : 0;
-  return max_sq_error *
-         (is_inlier ? std::log1p(sq_error / max_sq_error) : M_LN2);
-}
-
 void TwoViewCostFunction::AddEpipolar(const TwoViewModel& model,
                                       TwoViewCost* cost,
                                       NormalEquations* normal) const {
@@ -150,19 +181,20 @@ void TwoViewCostFunction::AddEpipolar(const TwoViewModel& model,
   Eigen::Matrix<double, 9, 1> row;
   Eigen::Matrix3d slope;
   const double sq_inverse_stddev = Square(inverse_stddev_);
+  LossSum sum(options_.cauchy, max_sq_epipolar_);
   for (int i = 0; i < data_.Size(); ++i) {
     const double error = data_.Sampson(F, i, normal ? &slope : nullptr);
-    double weight;
-    cost->epipolar +=
-        Loss(Square(error) * sq_inverse_stddev, max_sq_epipolar_, &weight);
+    double weight = sum.Add(Square(error) * sq_inverse_stddev);
     if (!normal || weight == 0) continue;
     weight *= sq_inverse_stddev;
     row = Eigen::Map<const Eigen::Matrix<double, 9, 1>>(slope.data());
-    AddOuterProduct(row, weight, &matrix);
+    AddLowerProduct(row, Eigen::Matrix<double, 9, 1>(weight * row), &matrix);
     gradient += (weight * error) * row;
   }
+  cost->epipolar += sum.Total();
   if (!normal) return;
   const auto chain = FundamentalMatrixJacobian(model);
+  matrix.triangularView<Eigen::StrictlyUpper>() = matrix.transpose();
   normal->matrix +=
       chain.transpose().lazyProduct(matrix.lazyProduct(chain).eval());
   normal->gradient += chain.transpose() * gradient;
@@ -188,18 +220,18 @@ bool TwoViewCostFunction::Forward(const TwoViewModel& model,
 void TwoViewCostFunction::AddWhitened(const TwoViewModel& model,
                                       const DepthFields& fields,
                                       TwoViewCost* cost) const {
-  double weight;
+  LossSum sum(options_.cauchy, max_sq_depth_);
   for (int i = 0; i < data_.Size(); ++i) {
     if (!data_.HasDepths(i)) continue;
     Transfer transfer;
     if (whitenings_[i].w11 == 0 || !Forward(model, fields, i, &transfer)) {
-      cost->depth += Loss(2 * max_sq_depth_, max_sq_depth_, &weight);
+      sum.Add(2 * max_sq_depth_);
       continue;
     }
-    const Eigen::Vector2d residual = whitenings_[i](transfer);
-    cost->depth += Loss(residual.squaredNorm(), max_sq_depth_, &weight);
+    const double weight = sum.Add(whitenings_[i](transfer).squaredNorm());
     cost->num_depth_inliers += weight != 0;
   }
+  cost->depth += sum.Total();
 }
 
 void TwoViewCostFunction::AddWhitenedRows(int i,
@@ -209,26 +241,44 @@ void TwoViewCostFunction::AddWhitenedRows(int i,
                                           NormalEquations* normal) const {
   const Whitening& whitening = whitenings_[i];
   const Eigen::Vector2d residual = whitening(transfer);
-  const double along_weights[2] = {whitening.w11, whitening.w21};
-  const double log_depth_weights[2] = {0, whitening.w22};
-  for (int k = 0; k < 2; ++k) {
-    const TwoViewStep row =
-        TransferGradient(TransferDirection::FORWARD,
-                         model,
-                         transfer,
-                         along_weights[k] * whitening.direction,
-                         log_depth_weights[k]);
-    AddRow(row, residual(k), weight, normal);
-    if (!HasFields()) continue;
-    DepthFields field_row;
-    field_row << -(along_weights[k] * whitening.shift +
-                   log_depth_weights[k] * whitening.slope) *
-                     basis1_[i],
-        log_depth_weights[k] * basis2_[i];
-    AddOuterProduct(field_row, weight, &normal->field_matrix);
-    normal->field_gradient += (weight * residual(k)) * field_row;
-    normal->cross += (weight * row).lazyProduct(field_row.transpose());
+  const TwoViewStep row1 = TransferGradient(TransferDirection::FORWARD,
+                                            model,
+                                            transfer,
+                                            whitening.w11 * whitening.direction,
+                                            0);
+  const TwoViewStep row2 = TransferGradient(TransferDirection::FORWARD,
+                                            model,
+                                            transfer,
+                                            whitening.w21 * whitening.direction,
+                                            whitening.w22);
+  AddRow(row1, residual(0), weight, normal);
+  AddRow(row2, residual(1), weight, normal);
+  if (!HasFields()) return;
+  // The rows by the fields are (slope1 basis1, 0) and (slope2 basis1,
+  // w22 basis2).
+  constexpr int kTerms = kNumDepthFieldTerms;
+  const DepthFieldBasis& basis1 = basis1_[i];
+  const DepthFieldBasis& basis2 = basis2_[i];
+  const double slope1 = -whitening.w11 * whitening.shift;
+  const double slope2 =
+      -(whitening.w21 * whitening.shift + whitening.w22 * whitening.slope);
+  const DepthFieldBasis square1 =
+      (weight * (Square(slope1) + Square(slope2))) * basis1;
+  const DepthFieldBasis mixed = (weight * slope2 * whitening.w22) * basis2;
+  const DepthFieldBasis square2 = (weight * Square(whitening.w22)) * basis2;
+  const TwoViewStep cross1 = weight * (slope1 * row1 + slope2 * row2);
+  const TwoViewStep cross2 = (weight * whitening.w22) * row2;
+  for (int k = 0; k < kTerms; ++k) {
+    normal->field_matrix.col(k).head<kTerms>() += basis1(k) * square1;
+    normal->field_matrix.col(k).tail<kTerms>() += basis1(k) * mixed;
+    normal->field_matrix.col(kTerms + k).tail<kTerms>() += basis2(k) * square2;
+    normal->cross.col(k) += basis1(k) * cross1;
+    normal->cross.col(kTerms + k) += basis2(k) * cross2;
   }
+  normal->field_gradient.head<kTerms>() +=
+      (weight * (slope1 * residual(0) + slope2 * residual(1))) * basis1;
+  normal->field_gradient.tail<kTerms>() +=
+      (weight * whitening.w22 * residual(1)) * basis2;
 }
 
 void TwoViewCostFunction::LinearizeWhitened(const TwoViewModel& model,
@@ -237,28 +287,28 @@ void TwoViewCostFunction::LinearizeWhitened(const TwoViewModel& model,
                                             NormalEquations* normal) {
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   whitenings_.assign(data_.Size(), Whitening());
-  double weight;
+  LossSum sum(options_.cauchy, max_sq_depth_);
   for (int i = 0; i < data_.Size(); ++i) {
     if (!data_.HasDepths(i)) continue;
     Transfer transfer;
     if (!Forward(model, fields, i, &transfer)) {
-      cost->depth += Loss(2 * max_sq_depth_, max_sq_depth_, &weight);
+      sum.Add(2 * max_sq_depth_);
       continue;
     }
     whitenings_[i] = WhitenAt(model, F, transfer, i);
-    const double sq_error = whitenings_[i](transfer).squaredNorm();
-    cost->depth += Loss(sq_error, max_sq_depth_, &weight);
+    const double weight = sum.Add(whitenings_[i](transfer).squaredNorm());
     if (weight == 0) continue;
     ++cost->num_depth_inliers;
     if (normal) AddWhitenedRows(i, model, transfer, weight, normal);
   }
+  cost->depth += sum.Total();
 }
 
 void TwoViewCostFunction::AddReprojection(TransferDirection direction,
                                           const TwoViewModel& model,
                                           TwoViewCost* cost,
                                           NormalEquations* normal) const {
-  double weight;
+  LossSum sum(options_.cauchy, max_sq_epipolar_);
   for (int i = 0; i < data_.Size(); ++i) {
     if (!data_.HasDepths(i)) continue;
     Transfer transfer;
@@ -269,11 +319,11 @@ void TwoViewCostFunction::AddReprojection(TransferDirection direction,
                        data_.points2[i],
                        data_.depths2[i],
                        &transfer)) {
-      cost->depth += Loss(2 * max_sq_epipolar_, max_sq_epipolar_, &weight);
+      sum.Add(2 * max_sq_epipolar_);
       continue;
     }
     const Eigen::Vector2d residual = reprojection_weight_ * transfer.error_px;
-    cost->depth += Loss(residual.squaredNorm(), max_sq_epipolar_, &weight);
+    const double weight = sum.Add(residual.squaredNorm());
     if (weight == 0) continue;
     ++cost->num_depth_inliers;
     if (!normal) continue;
@@ -286,6 +336,7 @@ void TwoViewCostFunction::AddReprojection(TransferDirection direction,
              normal);
     }
   }
+  cost->depth += sum.Total();
 }
 
 void TwoViewCostFunction::AddPriors(const TwoViewModel& model,

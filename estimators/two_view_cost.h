@@ -82,7 +82,7 @@ using TwoViewMatrix =
 struct NormalEquations {
   TwoViewMatrix matrix = TwoViewMatrix::Zero();
   TwoViewStep gradient = TwoViewStep::Zero();
-  // Of the depth fields, and between them and the model.
+  // Of the depth fields (the lower triangle), and between them and the model.
   Eigen::Matrix<double, 2 * kNumDepthFieldTerms, 2 * kNumDepthFieldTerms>
       field_matrix;
   DepthFields field_gradient;
@@ -129,7 +129,6 @@ class TwoViewCostFunction {
                      const Eigen::Matrix3d& F,
                      const Transfer& transfer,
                      int i) const;
-  double Loss(double sq_error, double max_sq_error, double* weight) const;
   void AddEpipolar(const TwoViewModel& model,
                    TwoViewCost* cost,
                    NormalEquations* normal) const;

@@ -22,9 +22,18 @@ constexpr double kNumIndependentDepths = 10;
 constexpr double kMaxPriorFreeLogFocalStddev = 0.1;
 // ... and worse than this they are no evidence.
 constexpr double kMaxLogFocalStddev = 0.3;
-// The last refinement goes on until rounding stops it: the costs of the
-// outliers hide the last of the decrease.
-constexpr double kMinFinalDecrease = 1e-7;
+// A round of refinement.
+struct Round {
+  // Share of the cost below which a decrease ends it.
+  double min_relative_decrease;
+  // Enough matches for the accuracy of the round.
+  int max_num_matches;
+};
+
+constexpr Round kNoiseRound = {1e-4, 300};
+// Goes on until rounding stops it: the costs of the outliers hide the last of
+// the decrease.
+constexpr Round kLastRound = {1e-7, 1000};
 
 // Of a Gaussian, from the median absolute deviation about `center`.
 double RobustStddev(std::vector<double> values, double center) {
@@ -63,7 +72,8 @@ class Finisher {
  private:
   TwoViewCostOptions EstimateNoise(const TwoViewModel& model, bool with_depth);
   TwoViewData TrustedMatches(const TwoViewModel& model,
-                             double max_error_px) const;
+                             double max_error_px,
+                             int max_num) const;
   void CorrectDepths();
   void Refine();
   void RefineWithoutDepth();
@@ -138,7 +148,8 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
 // that are wrong under the noise of the good ones: the capped noise of the
 // refinement would let them pass.
 TwoViewData Finisher::TrustedMatches(const TwoViewModel& model,
-                                     double max_error_px) const {
+                                     double max_error_px,
+                                     int max_num) const {
   constexpr double kActiveRange = 2;
   constexpr double kMaxDeviation = 4;
   constexpr double kMinLogDepthStddev = 1e-3;
@@ -146,7 +157,7 @@ TwoViewData Finisher::TrustedMatches(const TwoViewModel& model,
                                std::max(depth_noise_, kMinLogDepthStddev);
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   const std::vector<int> near =
-      problem_.Near(model, kActiveRange * max_error_px, data_.Size());
+      problem_.Near(model, kActiveRange * max_error_px, max_num);
   TwoViewData data = data_.Subset(near);
   for (int i = 0; i < data.Size(); ++i) {
     Transfer transfer;
@@ -181,14 +192,14 @@ void Finisher::Refine() {
   TwoViewCostOptions cost_options;
   TwoViewData data;
   TwoViewRefinementOptions refinement_options;
-  for (int round = 0; round < kNumRounds; ++round) {
+  for (int k = 1; k <= kNumRounds; ++k) {
+    const Round& round = k < kNumRounds ? kNoiseRound : kLastRound;
     cost_options = EstimateNoise(model, candidate_.with_depth);
-    data = options_.paper
-               ? data_
-               : TrustedMatches(model, cost_options.max_epipolar_error_px);
-    if (round + 1 == kNumRounds) {
-      refinement_options.min_relative_decrease = kMinFinalDecrease;
-    }
+    data = options_.paper ? data_
+                          : TrustedMatches(model,
+                                           cost_options.max_epipolar_error_px,
+                                           round.max_num_matches);
+    refinement_options.min_relative_decrease = round.min_relative_decrease;
     RefineModel(
         data, focal_case, cost_options, refinement_options, &model, &fields_);
     CorrectDepths();
@@ -232,8 +243,10 @@ void Finisher::RefineWithoutDepth() {
   const TwoViewCostOptions cost_options =
       EstimateNoise(model, /*with_depth=*/false);
   TwoViewRefinementOptions refinement_options;
-  refinement_options.min_relative_decrease = kMinFinalDecrease;
-  RefineModel(TrustedMatches(model, cost_options.max_epipolar_error_px),
+  refinement_options.min_relative_decrease = kLastRound.min_relative_decrease;
+  RefineModel(TrustedMatches(model,
+                             cost_options.max_epipolar_error_px,
+                             kLastRound.max_num_matches),
               problem_.Range().focal_case,
               cost_options,
               refinement_options,

@@ -86,6 +86,8 @@ struct TwoViewDepthInput {
   // Larger image sides, for the plausible range of focal lengths [px].
   double image_size1_px = 0;
   double image_size2_px = 0;
+  // Models with fewer inliers are of no use: the search for them ends early.
+  int min_num_inliers = 0;
   // Seed of the pair's private random stream: derive it from the pair id.
   uint64_t seed = 0;
 };

@@ -67,6 +67,7 @@ TwoViewProblem::TwoViewProblem(const TwoViewDepthInput& input,
       range_(FocalRange::Create(input, options)),
       image_unit1_px_(input.image_size1_px / 2),
       image_unit2_px_(input.image_size2_px / 2),
+      min_num_inliers_(input.min_num_inliers),
       order_(RandomOrder(input.matches.points1.size(), random)),
       data_(OrderedData(input.matches, order_)),
       scorer_(data_, options.max_epipolar_error_px) {

@@ -41,6 +41,7 @@ class TwoViewProblem {
   // Match of an index of Data().
   int MatchIdx(int i) const { return order_[i]; }
   int NumDepthMatches() const { return num_depth_matches_; }
+  int MinNumInliers() const { return min_num_inliers_; }
 
   // Half of the larger image sides [px].
   double ImageUnit1() const { return image_unit1_px_; }
@@ -75,6 +76,7 @@ class TwoViewProblem {
   const FocalRange range_;
   const double image_unit1_px_;
   const double image_unit2_px_;
+  const int min_num_inliers_;
   std::vector<int> order_;
   const TwoViewData data_;
   const TwoViewScorer scorer_;

@@ -64,7 +64,10 @@ class Search {
   void OptimizeWithDepth(const TwoViewModel& model);
   void OptimizeWithoutDepth(const TwoViewModel& model);
   void Keep(const TwoViewCandidate& candidate);
-  bool IsDone(const Stream& stream, double inlier_ratio) const;
+  bool IsDone(const Stream& stream,
+              double inlier_ratio,
+              double confidence) const;
+  bool IsHopeless() const;
   double InlierRatio() const;
   double DepthInlierRatio() const;
   bool DepthsAreUseful() const;
@@ -122,7 +125,8 @@ TwoViewSearchResult Search::Run() {
     const int num_counted = depth_share == kUselessDepthShare
                                 ? epipolar_.num_trials
                                 : result_.num_trials;
-    if (IsDone(depth_, depth_inlier_ratio) || IsDone(epipolar_, inlier_ratio) ||
+    if (IsDone(depth_, depth_inlier_ratio, options_.confidence) ||
+        IsDone(epipolar_, inlier_ratio, options_.confidence) || IsHopeless() ||
         num_counted >= options_.max_num_trials) {
       break;
     }
@@ -245,14 +249,29 @@ bool Search::DepthsAreUseful() const {
          problem_.DepthsAreEvidence(result_.with_depth.model);
 }
 
-bool Search::IsDone(const Stream& stream, double inlier_ratio) const {
+bool Search::IsDone(const Stream& stream,
+                    double inlier_ratio,
+                    double confidence) const {
   // Samples of inliers alone are not all good under noise.
   constexpr double kMargin = 2;
   if (!stream.source) return false;
   const double good = std::pow(inlier_ratio, stream.source->SampleSize());
   if (good >= 1) return true;
   return stream.num_trials * std::log1p(-good) <
-         kMargin * std::log1p(-options_.confidence);
+         kMargin * std::log1p(-confidence);
+}
+
+// Whether both kinds of samples would have found a model of use.
+bool Search::IsHopeless() const {
+  constexpr double kConfidence = 0.99;
+  const double inlier_ratio = std::min(
+      1.0,
+      static_cast<double>(problem_.MinNumInliers()) / problem_.Data().Size());
+  const auto is_exhausted = [&](const Stream& stream) {
+    return !stream.source || IsDone(stream, inlier_ratio, kConfidence);
+  };
+  return InlierRatio() < inlier_ratio && is_exhausted(depth_) &&
+         is_exhausted(epipolar_);
 }
 
 }  // namespace

@@ -153,12 +153,16 @@ void CopyGeometry(const TwoViewDepthResult& result, PairGeometry* pair) {
   if (!degeneracy.focal_identifiable2) pair->Set(PairDegeneracy::WEAK_FOCAL2);
 }
 
+double MinNumInliers(const PairVerificationOptions& options,
+                     size_t num_matches) {
+  return std::max<double>(options.min_num_inliers,
+                          options.min_inlier_ratio * double(num_matches));
+}
+
 PairStatus JudgePair(const PairGeometry& pair,
                      int num_epipolar_inliers,
                      const PairVerificationOptions& options) {
-  const double min_num_inliers =
-      std::max<double>(options.min_num_inliers,
-                       options.min_inlier_ratio * double(pair.num_matches));
+  const double min_num_inliers = MinNumInliers(options, pair.num_matches);
   if (num_epipolar_inliers < options.min_num_inliers) {
     return PairStatus::TOO_FEW_INLIERS;
   }
@@ -229,6 +233,10 @@ PairGeometry VerifyPair(const Scene& scene,
   input.prior_focal_length2_px = DepthModelFocal(depths, image_id2);
   input.image_size1_px = double(std::max(camera1.Width(), camera1.Height()));
   input.image_size2_px = double(std::max(camera2.Width(), camera2.Height()));
+  if (!options.two_view.paper) {
+    input.min_num_inliers =
+        int(std::ceil(MinNumInliers(options, matches.size())));
+  }
   input.seed = PairSeed(pair_id, options.random_seed);
   const TwoViewDepthResult result =
       EstimateTwoViewGeometryWithDepth(input, options.two_view);

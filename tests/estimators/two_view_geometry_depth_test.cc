@@ -93,6 +93,36 @@ TEST(TwoViewGeometryDepth, IsDeterministic) {
   }
 }
 
+TEST(TwoViewGeometryDepth, SearchForUselessModelsEndsEarly) {
+  // 40 random matches: what fits is chance.
+  TwoViewSceneOptions scene_options;
+  scene_options.num_matches = 40;
+  scene_options.outlier_ratio = 1;
+  for (const FocalCase focal_case : kAllFocalCases) {
+    TwoViewScene scene = CreateTwoViewScene(scene_options, focal_case, 7);
+    const int num_trials =
+        EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions())
+            .num_trials;
+    scene.input.min_num_inliers = 30;
+    EXPECT_LT(EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions())
+                  .num_trials,
+              num_trials / 2);
+  }
+}
+
+TEST(TwoViewGeometryDepth, UsefulModelsAreFoundWhateverUsefulMeans) {
+  for (const FocalCase focal_case : kAllFocalCases) {
+    TwoViewScene scene = CreateTwoViewScene({}, focal_case, 7);
+    const TwoViewDepthResult any =
+        EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions());
+    scene.input.min_num_inliers = any.num_inliers;
+    const TwoViewDepthResult useful =
+        EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions());
+    EXPECT_EQ(useful.num_trials, any.num_trials);
+    EXPECT_EQ(useful.inlier_mask, any.inlier_mask);
+  }
+}
+
 void ExpectFinite(const TwoViewDepthResult& result) {
   EXPECT_TRUE(result.cam2_from_cam1.rotation.coeffs().allFinite());
   EXPECT_TRUE(result.cam2_from_cam1.translation.allFinite());
