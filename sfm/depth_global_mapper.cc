@@ -17,6 +17,9 @@ namespace {
 
 // Share of observations whose removal is worth another round of adjustment.
 constexpr double kMinFilteredShare = 1e-3;
+// Relative decrease by an iteration that ends adjustments before the model is
+// complete.
+constexpr double kPreliminaryFunctionTolerance = 1e-4;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 
@@ -31,6 +34,13 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
         return model.Image(image_id1).NumPoints3D() <
                model.Image(image_id2).NumPoints3D();
       });
+}
+
+// Whether the focal lengths of a pair may be far off: without depth, or where
+// its matches do not tell them. The others gain nothing from averaged ones.
+bool LacksFocals(const PairGeometry& pair) {
+  return !pair.has_scale || pair.Has(PairDegeneracy::WEAK_FOCAL1) ||
+         pair.Has(PairDegeneracy::WEAK_FOCAL2);
 }
 
 }  // namespace
@@ -179,12 +189,15 @@ void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
   for (auto& [camera_id, camera] : calibrated_cameras) {
     camera.SetPriorFocalLength(true);
   }
-  std::vector<colmap::image_pair_t> valid;
+  std::vector<colmap::image_pair_t> uncertain;
   for (const auto& [pair_id, pair] : *pairs) {
-    if (pair.status == PairStatus::VALID) valid.push_back(pair_id);
+    if (pair.status == PairStatus::VALID && LacksFocals(pair)) {
+      uncertain.push_back(pair_id);
+    }
   }
-  VerifyAgain(valid, calibrated_cameras, pairs);
-  reverification.Add(CountPairs(*pairs));
+  VerifyAgain(uncertain, calibrated_cameras, pairs);
+  reverification.Add("pairs_verified", double(uncertain.size()))
+      .Add(CountPairs(*pairs));
   reverification.Finish(&result_.stages);
 }
 
@@ -333,10 +346,14 @@ std::optional<double> DepthGlobalMapper::AdjustModelBundle(
 bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   if (options_.skip_bundle_adjustment) return true;
   const int num_rounds = options_.refinement.num_bundle_adjustment_rounds;
+  BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
+  if (!options_.skip_retriangulation) {
+    adjustment.function_tolerance =
+        std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
+  }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms =
-        AdjustModelBundle(options_.refinement.bundle_adjustment, {}, model);
+    const std::optional<double> rms = AdjustModelBundle(adjustment, {}, model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options_.refinement, num_rounds - round, model);
