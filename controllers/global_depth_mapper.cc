@@ -4,6 +4,7 @@
 #include "controllers/commands.h"
 #include "controllers/mapper_report.h"
 #include "controllers/pair_score_file.h"
+#include "controllers/point_colors.h"
 
 #include <filesystem>
 #include <iostream>
@@ -128,7 +129,9 @@ void GlobalDepthMapper::WriteModels(DepthGlobalMapperResult* result) {
         (fs::path(options_.output_path) / std::to_string(i)).string();
     CreateOutputFolder(path);
     if (!options_.image_path.empty()) {
-      result->models[i]->ExtractColorsForAllImages(options_.image_path);
+      ExtractPointColors(options_.image_path,
+                         options_.mapper.num_threads,
+                         result->models[i].get());
     }
     result->models[i]->Write(path);
   }
