@@ -45,22 +45,27 @@ std::vector<Eigen::Vector2f> Points(const std::vector<float>& values,
 template <typename Read>
 DenseMatches ReadArrays(const Read& read) {
   DenseMatches matches;
+  bool is_found = false;
   for (const std::string name : {"keypoints", "mkpts"}) {
     auto points1 = read(name + "0");
     auto points2 = read(name + "1");
-    if (!points1 || !points2) continue;
+    is_found = points1 && points2;
+    if (!is_found) continue;
     matches.points1 =
         Points(CheckedValues(std::move(*points1), name + "0", 2), 0, 2);
     matches.points2 =
         Points(CheckedValues(std::move(*points2), name + "1", 2), 0, 2);
     break;
   }
-  if (matches.points1.empty()) {
-    if (auto array = read("matches")) {
-      const auto values = CheckedValues(std::move(*array), "matches", 4);
-      matches.points1 = Points(values, 0, 4);
-      matches.points2 = Points(values, 2, 4);
+  if (!is_found) {
+    auto array = read("matches");
+    if (!array) {
+      throw std::runtime_error(
+          "no arrays keypoints0 and keypoints1, mkpts0 and mkpts1, or matches");
     }
+    const auto values = CheckedValues(std::move(*array), "matches", 4);
+    matches.points1 = Points(values, 0, 4);
+    matches.points2 = Points(values, 2, 4);
   }
   for (const char* name : {"confidence", "certainty", "mconf", "scores"}) {
     if (auto array = read(name)) {

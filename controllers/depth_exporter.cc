@@ -7,6 +7,7 @@
 #include "colmap_ext/model_io.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
+#include "controllers/output_folder.h"
 #include "controllers/progress.h"
 #include "estimators/median.h"
 
@@ -270,22 +271,33 @@ class Exporter {
     if (job.alignment) ApplyAlignment(*job.alignment, &depth_map);
     const fs::path path =
         fs::path(output_path_) / FileName(job.name, options_.format);
-    fs::create_directories(path.parent_path());
+    CreateOutputFolder(path.parent_path().string());
+    try {
+      WriteMap(path.string(), depth_map);
+    } catch (const std::runtime_error&) {
+      // No part of a map, which the next program would trip over.
+      std::error_code ignored;
+      fs::remove(path, ignored);
+      throw;
+    }
+  }
+
+  void WriteMap(const std::string& path, const DepthMap& depth_map) const {
     switch (options_.format) {
       case DepthExportFormat::NPY:
-        WriteDepthNpy(path.string(), depth_map, NpyPrecision::SINGLE);
+        WriteDepthNpy(path, depth_map, NpyPrecision::SINGLE);
         break;
       case DepthExportFormat::PNG:
-        WriteDepthPng(path.string(), depth_map, options_.png_scale);
+        WriteDepthPng(path, depth_map, options_.png_scale);
         break;
       case DepthExportFormat::EXR:
-        WriteDepthExr(path.string(), depth_map);
+        WriteDepthExr(path, depth_map);
         break;
       case DepthExportFormat::DENSE_BIN:
-        WriteDepthDenseBin(path.string(), depth_map);
+        WriteDepthDenseBin(path, depth_map);
         break;
       case DepthExportFormat::GAUSSIAN_SPLATTING:
-        WriteSplattingPng(path.string(), depth_map, splatting_scale_);
+        WriteSplattingPng(path, depth_map, splatting_scale_);
         break;
     }
   }
@@ -377,7 +389,7 @@ DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const DepthExportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  fs::create_directories(output_path);
+  CreateOutputFolder(output_path);
   return Exporter(database_path, model_path, output_path, options).Run();
 }
 

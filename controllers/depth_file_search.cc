@@ -36,13 +36,18 @@ bool HasBetterVersion(const fs::path& file) {
                     ".bin");
 }
 
-FilesByName ListFolder(const std::string& folder) {
+// Links to nothing count, so that reading them tells.
+bool IsFile(const fs::directory_entry& entry) {
+  return entry.is_regular_file() || (entry.is_symlink() && !entry.exists());
+}
+
+FilesByName ListFolder(const std::string& folder) try {
   const std::vector<std::string>& extensions = DepthFileExtensions();
   FilesByName files;
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(
            folder, fs::directory_options::follow_directory_symlink)) {
     const fs::path file = entry.path().lexically_relative(folder);
-    if (!entry.is_regular_file() ||
+    if (!IsFile(entry) ||
         std::find(extensions.begin(), extensions.end(), file.extension()) ==
             extensions.end() ||
         HasBetterVersion(entry.path())) {
@@ -54,6 +59,14 @@ FilesByName ListFolder(const std::string& folder) {
     std::sort(same_name_files.begin(), same_name_files.end());
   }
   return files;
+} catch (const fs::filesystem_error& error) {
+  // Of links in a circle the path is long and says nothing.
+  const bool is_circle =
+      error.code() == std::errc::too_many_symbolic_link_levels;
+  throw std::runtime_error(
+      "cannot search " +
+      (is_circle || error.path1().empty() ? folder : error.path1().string()) +
+      ": " + error.code().message());
 }
 
 FilesByName ListHdf5(const std::string& path) {

@@ -8,6 +8,7 @@
 #include "colmap_ext/synthetic/town_scene.h"
 #include "controllers/command_options.h"
 #include "controllers/commands.h"
+#include "controllers/output_folder.h"
 #include "controllers/progress.h"
 
 #include <cstdio>
@@ -31,12 +32,7 @@ constexpr int kDepthCellSize = 16;
 
 // A folder that exists and is empty, or was created.
 void CreateEmptyFolder(const std::string& path) {
-  std::error_code error;
-  fs::create_directories(path, error);
-  if (!fs::is_directory(path)) {
-    throw std::runtime_error("cannot create the folder '" + path + "'" +
-                             (error ? ": " + error.message() : ""));
-  }
+  CreateOutputFolder(path);
   if (!fs::is_empty(path)) {
     throw std::runtime_error("the output folder '" + path + "' is not empty");
   }

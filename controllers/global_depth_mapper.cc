@@ -3,6 +3,7 @@
 #include "colmap_ext/depth_database.h"
 #include "controllers/commands.h"
 #include "controllers/mapper_report.h"
+#include "controllers/output_folder.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 
@@ -32,14 +33,6 @@ void CheckImagesExist(const std::string& image_path, const Scene& scene) {
         image_path + " lacks " + std::to_string(num_missing) + " of " +
         std::to_string(scene.images.size()) + " images, e.g. " + first_missing +
         "; leave --image_path out to map without colours");
-  }
-}
-
-void CreateOutputFolder(const std::string& path) {
-  std::error_code error;
-  fs::create_directories(path, error);
-  if (error || !fs::is_directory(path)) {
-    throw std::runtime_error("cannot create the output folder " + path);
   }
 }
 

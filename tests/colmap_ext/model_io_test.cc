@@ -1,5 +1,6 @@
 #include "colmap_ext/model_io.h"
 
+#include "tests/testing/expect_error.h"
 #include "tests/testing/ring_model.h"
 #include "tests/testing/test_dir.h"
 
@@ -24,17 +25,6 @@ std::string WriteModel(const std::string& folder,
   const colmap::Reconstruction model = CreateRingModel(num_images);
   is_binary ? model.WriteBinary(folder) : model.WriteText(folder);
   return folder;
-}
-
-// Expects an error that names the file.
-template <typename Function>
-void ExpectError(const Function& read, const std::string& text) {
-  try {
-    read();
-    ADD_FAILURE() << "no error about " << text;
-  } catch (const std::runtime_error& error) {
-    EXPECT_THAT(error.what(), HasSubstr(text));
-  }
 }
 
 class ModelIo : public testing::TestWithParam<bool> {

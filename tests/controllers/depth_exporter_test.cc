@@ -5,11 +5,13 @@
 #include "controllers/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/colmap_database.h"
+#include "tests/testing/expect_error.h"
 #include "tests/testing/test_dir.h"
 
 #include <colmap/base/reconstruction.h>
 
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 
 #include <gmock/gmock.h>
@@ -160,6 +162,12 @@ TEST_F(DepthExporterTest, SaysWhatIsMissing) {
   };
   EXPECT_THAT(message(database_path_, dir_ + "/missing"),
               HasSubstr("does not exist"));
+  std::ofstream(dir_ + "/file") << "no folder";
+  ExpectError(
+      [&] {
+        ExportDepthMaps(database_path_, std::nullopt, dir_ + "/file", {});
+      },
+      "cannot create the output folder " + dir_ + "/file");
   DepthDatabase(database_path_, DepthDatabase::Mode::READ_WRITE)
       .WriteKeypointDepths(1, {DepthUnit::METRIC, {1}});
   DepthDatabase(database_path_, DepthDatabase::Mode::READ_WRITE)

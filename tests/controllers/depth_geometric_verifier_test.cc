@@ -23,22 +23,15 @@ class DepthGeometricVerifier : public testing::Test {
  protected:
   void SetUp() override {
     dir_ = CreateTestDir();
-    path_ = dir_ + "/scene/database.db";
-    ASSERT_EQ(RunForTest(&RunDepthSceneSynthesizer,
-                         {"--output_path",
-                          dir_ + "/scene",
-                          "--database_only",
-                          "1",
-                          "--num_images",
-                          "14",
-                          "--num_points_per_image",
-                          "150",
-                          "--outlier_match_ratio",
-                          "0.3",
-                          "--known_focal_length",
-                          "0"})
-                  .code,
-              0);
+    path_ = SynthesizeDatabase(dir_,
+                               {"--num_images",
+                                "14",
+                                "--num_points_per_image",
+                                "150",
+                                "--outlier_match_ratio",
+                                "0.3",
+                                "--known_focal_length",
+                                "0"});
     options_.database_path = path_;
     options_.verification.num_threads = 1;
   }

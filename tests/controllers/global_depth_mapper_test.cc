@@ -20,20 +20,13 @@ class GlobalDepthMapperTest : public testing::Test {
  protected:
   void SetUp() override {
     dir_ = CreateTestDir();
-    path_ = dir_ + "/scene/database.db";
-    ASSERT_EQ(RunForTest(&RunDepthSceneSynthesizer,
-                         {"--output_path",
-                          dir_ + "/scene",
-                          "--database_only",
-                          "1",
-                          "--num_images",
-                          "12",
-                          "--num_points_per_image",
-                          "120",
-                          "--num_false_pairs",
-                          "2"})
-                  .code,
-              0);
+    path_ = SynthesizeDatabase(dir_,
+                               {"--num_images",
+                                "12",
+                                "--num_points_per_image",
+                                "120",
+                                "--num_false_pairs",
+                                "2"});
   }
 
   int Map(const std::vector<std::string>& arguments = {}) const {

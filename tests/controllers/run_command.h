@@ -31,4 +31,14 @@ inline CommandResult RunForTest(int (*run)(int, char**),
   return result;
 }
 
+// The database of a synthetic scene of observations in `dir`.
+inline std::string SynthesizeDatabase(const std::string& dir,
+                                      const std::vector<std::string>& options) {
+  std::vector<std::string> arguments = {
+      "--output_path", dir + "/scene", "--database_only", "1"};
+  arguments.insert(arguments.end(), options.begin(), options.end());
+  EXPECT_EQ(RunForTest(&RunDepthSceneSynthesizer, arguments).code, 0);
+  return dir + "/scene/database.db";
+}
+
 }  // namespace dgsfm

@@ -1,0 +1,19 @@
+#include "controllers/output_folder.h"
+
+#include <filesystem>
+#include <stdexcept>
+
+namespace dgsfm {
+
+namespace fs = std::filesystem;
+
+void CreateOutputFolder(const std::string& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (!fs::is_directory(path)) {
+    throw std::runtime_error("cannot create the output folder " + path +
+                             (error ? ": " + error.message() : ""));
+  }
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,13 @@
+// Folders that commands write to.
+
+#pragma once
+
+#include <string>
+
+namespace dgsfm {
+
+// Creates the folder with those above it where they are missing. Throws
+// std::runtime_error naming it if that fails or it is a file.
+void CreateOutputFolder(const std::string& path);
+
+}  // namespace dgsfm
