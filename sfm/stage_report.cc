@@ -1,6 +1,7 @@
 #include "sfm/stage_report.h"
 
-#include <fstream>
+#include "colmap_ext/process_memory.h"
+
 #include <sstream>
 
 #include <glog/logging.h>
@@ -17,17 +18,6 @@ double CpuSeconds() {
     return double(time.tv_sec) + 1e-6 * double(time.tv_usec);
   };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
-
-// Not ru_maxrss, which starts at the memory of the process that forked this.
-double PeakMemoryMb() {
-  std::ifstream status("/proc/self/status");
-  std::string word;
-  while (status >> word) {
-    double kilobytes;
-    if (word == "VmHWM:" && status >> kilobytes) return kilobytes / 1024;
-  }
-  return 0;
 }
 
 }  // namespace
