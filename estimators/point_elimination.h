@@ -5,12 +5,13 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
+#include "estimators/block_product.h"
+#include "estimators/observation_blocks.h"
 #include "estimators/reduced_system.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -18,15 +19,6 @@
 #include <Eigen/Core>
 
 namespace dgsfm {
-
-// Of all observations, sorted by point and then by camera: no point sees one
-// camera after another of a higher index.
-struct ObservationIndex {
-  int num_cameras = 0;
-  int num_points = 0;
-  std::vector<int> cameras;
-  std::vector<int> points;
-};
 
 // Residuals r of size kResidual depend on the up to kCamera parameters of one
 // camera and on one point. Parameters are mapped to columns of the reduced
@@ -53,9 +45,10 @@ class PointElimination {
         num_threads_(num_threads),
         rows_(observations.cameras.size()),
         point_blocks_(observations.num_points),
-        camera_blocks_(observations.num_cameras) {
-    IndexObservations();
-    IndexBlocks();
+        camera_blocks_(observations.num_cameras),
+        index_(observations),
+        blocks_(index_.NumBlocks()) {
+    DGSFM_CHECK(columns_.size() == size_t(observations_.num_cameras));
   }
 
   // To be filled, one an observation.
@@ -72,12 +65,13 @@ class PointElimination {
 
   // Looks up where the blocks go; before anything below.
   void Attach(const ReducedSystem& system) {
-    targets_.assign(block_cameras_.size() * kCamera * kCamera, -1);
+    targets_.assign(blocks_.size() * kCamera * kCamera, -1);
     doubled_.clear();
     ForEachEntry([&](size_t block, int i, int j, int column1, int column2) {
       const size_t source = block * kCamera * kCamera + j * kCamera + i;
       targets_[source] = system.EntryOf(column1, column2);
-      if (column1 == column2 && !IsDiagonal(block)) doubled_.push_back(source);
+      if (column1 == column2 && !index_.IsDiagonal(block))
+        doubled_.push_back(source);
     });
   }
 
@@ -88,21 +82,14 @@ class PointElimination {
       PointBlock& block = point_blocks_[point];
       block.hessian.setZero();
       block.gradient.setZero();
-      for (int k = point_begin_[point]; k < point_begin_[point + 1]; ++k) {
+      for (int k = index_.PointBegin(point); k < index_.PointEnd(point); ++k) {
         const Row& row = rows_[k];
         block.hessian += row.by_point.lazyProduct(row.by_point.transpose());
         block.gradient += row.by_point.lazyProduct(row.residual);
       }
     });
-    ParallelFor(observations_.num_cameras, num_threads_, [&](size_t camera) {
-      CameraBlock& block = camera_blocks_[camera];
-      block.hessian.setZero();
-      block.gradient.setZero();
-      for (const int k : ObservationsOf(int(camera))) {
-        const Row& row = rows_[k];
-        AddProduct(1, row.by_camera, row.by_camera, &block.hessian);
-        block.gradient += row.by_camera.lazyProduct(row.residual);
-      }
+    index_.ForCameraRanges(num_threads_, [this](int first, int last) {
+      AccumulateOf(first, last);
     });
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
       for (int i = 0; i < kCamera; ++i) {
@@ -124,8 +111,8 @@ class PointElimination {
       damped.diagonal() += damping * Damped(block.hessian.diagonal());
       block.inverse = damped.llt().solve(Eigen::Matrix3d::Identity());
     });
-    ParallelFor(observations_.num_cameras, num_threads_, [&](size_t camera) {
-      EliminateFrom(int(camera));
+    index_.ForCameraRanges(num_threads_, [this](int first, int last) {
+      EliminateOf(first, last);
     });
     double* values = system->Values();
     for (size_t block = 0; block < blocks_.size(); ++block) {
@@ -163,7 +150,7 @@ class PointElimination {
     ParallelChunks(observations_.num_points, [&](int point) {
       const PointBlock& block = point_blocks_[point];
       Eigen::Vector3d gradient = block.gradient;
-      for (int k = point_begin_[point]; k < point_begin_[point + 1]; ++k) {
+      for (int k = index_.PointBegin(point); k < index_.PointEnd(point); ++k) {
         const Row& row = rows_[k];
         const Eigen::Matrix<double, kResidual, 1> change =
             row.by_camera.transpose().lazyProduct(
@@ -210,6 +197,7 @@ class PointElimination {
  private:
   using CameraVector = Eigen::Matrix<double, kCamera, 1>;
   using CameraMatrix = Eigen::Matrix<double, kCamera, kCamera>;
+  using Subtraction = BlockProduct<-1, kCamera, kResidual>;
 
   static constexpr double kMinDiagonal = 1e-12;
   static constexpr int kChunkSize = 1000;
@@ -224,73 +212,20 @@ class PointElimination {
     CameraVector gradient;
     CameraVector rhs;
   };
-  // Of an array sorted in groups.
-  struct Range {
-    const int* first;
-    const int* last;
-    const int* begin() const { return first; }
-    const int* end() const { return last; }
-  };
-
-  Range ObservationsOf(int camera) const {
-    return {camera_observations_.data() + camera_begin_[camera],
-            camera_observations_.data() + camera_begin_[camera + 1]};
-  }
-
-  void IndexObservations() {
-    const size_t num_observations = observations_.cameras.size();
-    DGSFM_CHECK(observations_.points.size() == num_observations);
-    DGSFM_CHECK(columns_.size() == size_t(observations_.num_cameras));
-    point_begin_.assign(observations_.num_points + 1, 0);
-    camera_begin_.assign(observations_.num_cameras + 1, 0);
-    for (size_t k = 0; k < num_observations; ++k) {
-      const std::pair<int, int> key(observations_.points[k],
-                                    observations_.cameras[k]);
-      DGSFM_CHECK(k == 0 || std::make_pair(observations_.points[k - 1],
-                                           observations_.cameras[k - 1]) <= key)
-          << "observation " << k << " is out of order";
-      ++point_begin_[key.first + 1];
-      ++camera_begin_[key.second + 1];
+  void AccumulateOf(int first_camera, int last_camera) {
+    for (int camera = first_camera; camera < last_camera; ++camera) {
+      camera_blocks_[camera].hessian.setZero();
+      camera_blocks_[camera].gradient.setZero();
     }
-    for (int i = 0; i < observations_.num_points; ++i) {
-      point_begin_[i + 1] += point_begin_[i];
+    for (size_t k = 0; k < rows_.size(); ++k) {
+      const int camera = observations_.cameras[k];
+      if (camera < first_camera || camera >= last_camera) continue;
+      CameraBlock& block = camera_blocks_[camera];
+      const Row& row = rows_[k];
+      BlockProduct<1, kCamera, kResidual>::Add(
+          row.by_camera, row.by_camera, &block.hessian);
+      block.gradient += row.by_camera.lazyProduct(row.residual);
     }
-    for (int i = 0; i < observations_.num_cameras; ++i) {
-      camera_begin_[i + 1] += camera_begin_[i];
-    }
-    camera_observations_.resize(num_observations);
-    std::vector<int> next = camera_begin_;
-    for (size_t k = 0; k < num_observations; ++k) {
-      camera_observations_[next[observations_.cameras[k]]++] = int(k);
-    }
-  }
-
-  // One block a pair of cameras with a common point; those of a camera follow
-  // each other, by the second camera, the first of them the diagonal.
-  void IndexBlocks() {
-    std::vector<int> last_seen_by(observations_.num_cameras, -1);
-    block_begin_.assign(1, 0);
-    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      const size_t begin = block_cameras_.size();
-      last_seen_by[camera] = camera;
-      block_cameras_.push_back(camera);
-      for (const int k : ObservationsOf(camera)) {
-        const int end = point_begin_[observations_.points[k] + 1];
-        for (int l = k + 1; l < end; ++l) {
-          const int other = observations_.cameras[l];
-          if (last_seen_by[other] == camera) continue;
-          last_seen_by[other] = camera;
-          block_cameras_.push_back(other);
-        }
-      }
-      std::sort(block_cameras_.begin() + begin, block_cameras_.end());
-      block_begin_.push_back(block_cameras_.size());
-    }
-    blocks_.resize(block_cameras_.size());
-  }
-
-  bool IsDiagonal(size_t block) const {
-    return std::binary_search(block_begin_.begin(), block_begin_.end(), block);
   }
 
   // Calls function(block, i, j, column_i, column_j) for the entries of all
@@ -298,8 +233,9 @@ class PointElimination {
   template <typename Function>
   void ForEachEntry(const Function& function) const {
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      for (size_t b = block_begin_[camera]; b < block_begin_[camera + 1]; ++b) {
-        const int other = block_cameras_[b];
+      for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+           ++b) {
+        const int other = index_.OtherCamera(b);
         for (int j = 0; j < kCamera; ++j) {
           const int num_rows = other == camera ? j + 1 : kCamera;
           for (int i = 0; i < num_rows; ++i) {
@@ -314,58 +250,40 @@ class PointElimination {
     }
   }
 
-  // The blocks of a camera and its part of the right side.
-  void EliminateFrom(int camera) {
-    CameraBlock& own = camera_blocks_[camera];
-    own.rhs = -own.gradient;
-    const int* others = block_cameras_.data() + block_begin_[camera];
-    const int* others_end = block_cameras_.data() + block_begin_[camera + 1];
-    CameraMatrix* blocks = blocks_.data() + block_begin_[camera];
-    blocks[0] = own.hessian;
-    // Blocks of the cameras that share points with this one.
-    const std::unique_ptr<CameraMatrix*[]> block_of(
-        new CameraMatrix*[observations_.num_cameras]);
-    for (const int* other = others; other != others_end; ++other) {
-      block_of[*other] = blocks + (other - others);
-      if (other != others) block_of[*other]->setZero();
+  // The blocks of cameras and their part of the right side.
+  void EliminateOf(int first_camera, int last_camera) {
+    for (int camera = first_camera; camera < last_camera; ++camera) {
+      const size_t begin = index_.BlockBegin(camera);
+      for (size_t b = begin; b < index_.BlockEnd(camera); ++b) {
+        blocks_[b].setZero();
+      }
+      blocks_[begin] = camera_blocks_[camera].hessian;
+      camera_blocks_[camera].rhs = -camera_blocks_[camera].gradient;
     }
-    for (const int k : ObservationsOf(camera)) {
+    for (int k = 0; k < int(rows_.size()); ++k) {
+      const int camera = observations_.cameras[k];
+      if (camera < first_camera || camera >= last_camera) continue;
       const Row& row = rows_[k];
-      const int point = observations_.points[k];
-      const PointBlock& point_block = point_blocks_[point];
+      const PointBlock& point_block = point_blocks_[observations_.points[k]];
       const Eigen::Matrix<double, kResidual, 3> projected =
           row.by_point.transpose().lazyProduct(point_block.inverse);
       const Eigen::Matrix<double, kResidual, 1> shift =
           projected.lazyProduct(point_block.gradient);
-      own.rhs += row.by_camera.lazyProduct(shift);
-      for (int l = k; l < point_begin_[point + 1]; ++l) {
-        const Row& other_row = rows_[l];
+      camera_blocks_[camera].rhs += row.by_camera.lazyProduct(shift);
+      const int* pair_blocks = index_.BlocksFrom(k);
+      for (int i = 0; i < index_.NumPairsFrom(k); ++i) {
+        const Row& other_row = rows_[k + i];
         const Eigen::Matrix<double, kResidual, kResidual> core =
             projected.lazyProduct(other_row.by_point);
         const Eigen::Matrix<double, kCamera, kResidual> right =
             other_row.by_camera.lazyProduct(core.transpose());
-        CameraMatrix* block = block_of[observations_.cameras[l]];
-        AddProduct(-1, row.by_camera, right, block);
+        CameraMatrix* block = &blocks_[pair_blocks[i]];
+        Subtraction::Add(row.by_camera, right, block);
         // Twice in the track of one point.
-        if (block == blocks && l > k) {
-          AddProduct(-1, right, row.by_camera, block);
+        if (i > 0 && observations_.cameras[k + i] == camera) {
+          Subtraction::Add(right, row.by_camera, block);
         }
       }
-    }
-  }
-
-  // block += factor left right^T, for which Eigen would call its kernels for
-  // large matrices.
-  static void AddProduct(double factor,
-                         const Eigen::Matrix<double, kCamera, kResidual>& left,
-                         const Eigen::Matrix<double, kCamera, kResidual>& right,
-                         CameraMatrix* block) {
-    for (int j = 0; j < kCamera; ++j) {
-      CameraVector sum = left.col(0) * (factor * right(j, 0));
-      for (int r = 1; r < kResidual; ++r) {
-        sum += left.col(r) * (factor * right(j, r));
-      }
-      block->col(j) += sum;
     }
   }
 
@@ -373,13 +291,9 @@ class PointElimination {
   const std::vector<CameraColumns>& columns_;
   const int num_threads_;
   std::vector<Row> rows_;
-  std::vector<int> point_begin_;
-  std::vector<int> camera_begin_;
-  std::vector<int> camera_observations_;
   std::vector<PointBlock> point_blocks_;
   std::vector<CameraBlock> camera_blocks_;
-  std::vector<size_t> block_begin_;
-  std::vector<int> block_cameras_;
+  const ObservationBlocks index_;
   std::vector<CameraMatrix> blocks_;
   // Entry of the reduced system of each entry of the blocks, or -1.
   std::vector<int64_t> targets_;
