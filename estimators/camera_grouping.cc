@@ -309,8 +309,8 @@ bool CameraGroupingOptions::IsValid(std::string* error) const {
                      error);
 }
 
-std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
-                                      const CameraEstimates& estimates) {
+std::vector<std::vector<int>> ClusterByFocal(
+    const CameraGroupingOptions& options, const CameraEstimates& estimates) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   DGSFM_CHECK(estimates.num_params_per_camera > 0 &&
@@ -320,13 +320,23 @@ std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
   std::vector<int> cameras(estimates.params.size() /
                            estimates.num_params_per_camera);
   std::iota(cameras.begin(), cameras.end(), 0);
-  std::vector<SameCameras> groups;
-  for (const FocalCluster& cluster : ClusterFocals(
+  std::vector<std::vector<int>> clusters;
+  for (FocalCluster& cluster : ClusterFocals(
            options,
            SingleClusters(
                options, estimates, cameras, options.max_variance_factor))) {
     if (cluster.cameras.size() < 2) continue;
-    AddGroups(options, estimates, cluster.cameras, &groups);
+    std::sort(cluster.cameras.begin(), cluster.cameras.end());
+    clusters.push_back(std::move(cluster.cameras));
+  }
+  return clusters;
+}
+
+std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
+                                      const CameraEstimates& estimates) {
+  std::vector<SameCameras> groups;
+  for (const std::vector<int>& cameras : ClusterByFocal(options, estimates)) {
+    AddGroups(options, estimates, cameras, &groups);
   }
   std::sort(groups.begin(), groups.end(), [](const auto& a, const auto& b) {
     return a.cameras < b.cameras;
@@ -334,16 +344,57 @@ std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
   return groups;
 }
 
-bool AreConsistentWithZero(const CameraGroupingOptions& options,
-                           const Eigen::VectorXd& estimates,
-                           const Eigen::MatrixXd& covariance) {
-  DGSFM_CHECK(covariance.rows() == estimates.size() &&
-              covariance.cols() == estimates.size());
-  if (estimates.size() == 0) return true;
-  const double chi_square = estimates.dot(covariance.ldlt().solve(estimates)) /
-                            options.max_variance_factor;
-  return chi_square <=
-         ChiSquareQuantile(int(estimates.size()), options.significance);
+bool AreTiesPlausible(const CameraGroupingOptions& options,
+                      double increase,
+                      int num_ties) {
+  DGSFM_CHECK(num_ties > 0) << "num_ties = " << num_ties;
+  return increase <= ChiSquareQuantile(num_ties, options.significance);
+}
+
+double LogOddsOfDeviation(const CameraDeviation& deviation,
+                          double variance_factor,
+                          double prior_stddev) {
+  const auto size = deviation.values.size();
+  DGSFM_CHECK(deviation.covariance.rows() == size &&
+              deviation.covariance.cols() == size);
+  const auto log_likelihood = [&](const Eigen::MatrixXd& covariance) {
+    const Eigen::LDLT<Eigen::MatrixXd> factors(covariance);
+    return -0.5 * (factors.vectorD().array().log().sum() +
+                   deviation.values.dot(factors.solve(deviation.values)));
+  };
+  const Eigen::MatrixXd errors = variance_factor * deviation.covariance;
+  return log_likelihood(errors + prior_stddev * prior_stddev *
+                                     Eigen::MatrixXd::Identity(size, size)) -
+         log_likelihood(errors);
+}
+
+std::vector<char> DeviatingCameras(
+    const CameraGroupingOptions& options,
+    const std::vector<CameraDeviation>& deviations) {
+  std::vector<char> deviating(deviations.size(), 0);
+  double sum = 0;
+  int degrees_of_freedom = 0;
+  for (size_t i = 0; i < deviations.size(); ++i) {
+    const Eigen::VectorXd& values = deviations[i].values;
+    DGSFM_CHECK(values.size() > 0 &&
+                deviations[i].covariance.rows() == values.size() &&
+                deviations[i].covariance.cols() == values.size());
+    const double chi_square =
+        values.dot(deviations[i].covariance.ldlt().solve(values)) /
+        options.max_variance_factor;
+    deviating[i] =
+        chi_square >
+        ChiSquareQuantile(int(values.size()),
+                          options.significance / double(deviations.size()));
+    if (deviating[i]) continue;
+    sum += chi_square;
+    degrees_of_freedom += int(values.size());
+  }
+  if (degrees_of_freedom > 0 &&
+      sum > ChiSquareQuantile(degrees_of_freedom, options.significance)) {
+    std::fill(deviating.begin(), deviating.end(), 1);
+  }
+  return deviating;
 }
 
 }  // namespace dgsfm

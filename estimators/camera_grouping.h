@@ -75,10 +75,36 @@ struct SameCameras {
 std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
                                       const CameraEstimates& estimates);
 
-// Whether errors with the largest variance factor explain that estimates are
-// not zero: chi-square under their covariance.
-bool AreConsistentWithZero(const CameraGroupingOptions& options,
-                           const Eigen::VectorXd& estimates,
-                           const Eigen::MatrixXd& covariance);
+// Which cameras may be the same by their focal lengths alone, judged with the
+// largest variance factor: clusters of two or more as in the first step of
+// GroupCameras.
+std::vector<std::vector<int>> ClusterByFocal(
+    const CameraGroupingOptions& options, const CameraEstimates& estimates);
+
+// Estimated deviations of a camera from what is given for it.
+struct CameraDeviation {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd covariance;
+};
+
+// Which cameras deviate from what is given by more than errors with the largest
+// variance factor explain (chi-square, at options.significance for all cameras
+// together); all, if those that do not by themselves do so together.
+std::vector<char> DeviatingCameras(
+    const CameraGroupingOptions& options,
+    const std::vector<CameraDeviation>& deviations);
+
+// Whether errors explain what ties, which take so many unknowns away, add to
+// the sum of squared errors, in units of their variance (likelihood ratio).
+bool AreTiesPlausible(const CameraGroupingOptions& options,
+                      double increase,
+                      int num_ties);
+
+// Logarithm of the odds, even ones before, that a deviation has a normal
+// distribution of variance prior_stddev^2 in each value, and is not just an
+// error, the covariance of which is variance_factor times the estimated one.
+double LogOddsOfDeviation(const CameraDeviation& deviation,
+                          double variance_factor,
+                          double prior_stddev);
 
 }  // namespace dgsfm

@@ -12,15 +12,21 @@ namespace {
 // Ratio of the eigenvalues of a point's information below which its position
 // is not determined.
 constexpr double kMinReciprocalCondition = 1e-12;
+// Information that every parameter has at least, relative to what it would have
+// with all others known: images that share no track have no common scale, which
+// must not hide what is known about all else.
+constexpr double kDamping = 1e-11;
 
 }  // namespace
 
 ReducedCameraSystem::ReducedCameraSystem(int num_params)
-    : information_(Eigen::MatrixXd::Zero(num_params, num_params)) {}
+    : information_(Eigen::MatrixXd::Zero(num_params, num_params)),
+      gradient_(Eigen::VectorXd::Zero(num_params)) {}
 
 void ReducedCameraSystem::AddPoint(
     const std::vector<LinearizedObservation>& observations) {
   Eigen::Matrix3d point_information = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d point_gradient = Eigen::Vector3d::Zero();
   for (const LinearizedObservation& observation : observations) {
     DGSFM_CHECK(observation.camera_jacobian.cols() ==
                 Eigen::Index(observation.params.size()));
@@ -30,6 +36,8 @@ void ReducedCameraSystem::AddPoint(
     }
     point_information +=
         observation.point_jacobian.transpose() * observation.point_jacobian;
+    point_gradient +=
+        observation.point_jacobian.transpose() * observation.residual;
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(point_information);
   if (!(eigen.eigenvalues()(0) >
@@ -55,6 +63,12 @@ void ReducedCameraSystem::AddPoint(
     const Eigen::MatrixX3d weights = observation1.camera_jacobian.transpose() *
                                      observation1.point_jacobian *
                                      point_covariance;
+    const Eigen::VectorXd gradient =
+        observation1.camera_jacobian.transpose() * observation1.residual -
+        weights * point_gradient;
+    for (size_t i = 0; i < observation1.params.size(); ++i) {
+      gradient_(observation1.params[i]) += gradient(Eigen::Index(i));
+    }
     for (const LinearizedObservation& observation2 : observations) {
       add(observation1,
           observation2,
@@ -64,34 +78,55 @@ void ReducedCameraSystem::AddPoint(
   }
 }
 
-void ReducedCameraSystem::AddPrior(int param, double stddev) {
+void ReducedCameraSystem::AddPrior(int param, double stddev, double deviation) {
   DGSFM_CHECK(param >= 0 && param < information_.rows());
   DGSFM_CHECK(stddev > 0) << "stddev = " << stddev;
   information_(param, param) += 1 / (stddev * stddev);
+  gradient_(param) += deviation / (stddev * stddev);
 }
 
-Eigen::MatrixXd MarginalCovariance(const Eigen::MatrixXd& information,
-                                   const std::vector<int>& params) {
+void ReducedCameraSystem::AddTie(int param1,
+                                 int param2,
+                                 double stddev,
+                                 double difference) {
+  AddPrior(param1, stddev, difference);
+  AddPrior(param2, stddev, -difference);
+  information_(param1, param2) -= 1 / (stddev * stddev);
+  information_(param2, param1) -= 1 / (stddev * stddev);
+}
+
+std::optional<ReducedCameraSystem::Marginal> ReducedCameraSystem::MarginalOf(
+    const std::vector<int>& params) const {
   // Scaled to a unit diagonal: parameters have different units.
   const Eigen::VectorXd scales =
-      information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::LDLT<Eigen::MatrixXd> factors(scales.asDiagonal() * information *
-                                             scales.asDiagonal());
+      information_.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXd scaled =
+      scales.asDiagonal() * information_ * scales.asDiagonal();
+  scaled.diagonal().array() += kDamping;
+  const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);
   if (factors.info() != Eigen::Success || !factors.isPositive() ||
       !(factors.vectorD().minCoeff() > 1e-13)) {
-    return {};
+    return std::nullopt;
   }
   const auto count = Eigen::Index(params.size());
-  Eigen::MatrixXd selection = Eigen::MatrixXd::Zero(information.rows(), count);
-  for (Eigen::Index i = 0; i < count; ++i) selection(params[i], i) = 1;
-  const Eigen::MatrixXd columns = factors.solve(selection);
-  Eigen::MatrixXd covariance(count, count);
+  // Of the parameters' columns, and of the gradient.
+  Eigen::MatrixXd columns =
+      Eigen::MatrixXd::Zero(information_.rows(), count + 1);
+  for (Eigen::Index i = 0; i < count; ++i) columns(params[i], i) = 1;
+  columns.col(count) = -scales.cwiseProduct(gradient_);
+  columns = factors.solve(columns).eval();
+  Marginal marginal = {Eigen::VectorXd(count), Eigen::MatrixXd(count, count)};
   for (Eigen::Index i = 0; i < count; ++i) {
-    covariance.row(i) = scales(params[i]) * columns.row(params[i]);
+    const double scale = scales(params[i]);
+    marginal.step(i) = scale * columns(params[i], count);
+    for (Eigen::Index j = 0; j < count; ++j) {
+      marginal.covariance(i, j) =
+          scale * scales(params[j]) * columns(params[i], j);
+    }
   }
-  for (Eigen::Index i = 0; i < count; ++i)
-    covariance.col(i) *= scales(params[i]);
-  return (covariance + covariance.transpose()) / 2;
+  marginal.covariance =
+      (marginal.covariance + marginal.covariance.transpose()).eval() / 2;
+  return marginal;
 }
 
 }  // namespace dgsfm

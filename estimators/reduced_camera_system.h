@@ -2,15 +2,17 @@
 
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 namespace dgsfm {
 
-// Whitened Jacobians of an observation: residual r(c, x) over some of the
-// camera parameters c and the point x.
+// Whitened residual r(c, x) of an observation and its Jacobians over some of
+// the camera parameters c and the point x.
 struct LinearizedObservation {
+  Eigen::Vector2d residual = Eigen::Vector2d::Zero();
   // Indices of the camera parameters it depends on, each at most once.
   std::vector<int> params;
   // 2 x params.size().
@@ -20,7 +22,8 @@ struct LinearizedObservation {
 
 // The Schur complement S = U - W V^-1 W^T of the points in the normal matrix
 // of a bundle adjustment (Triggs et al., Bundle Adjustment - A Modern
-// Synthesis, Sec. 6.1), dense: 8 num_params^2 bytes.
+// Synthesis, Sec. 6.1), dense: 8 num_params^2 bytes; and the gradient of half
+// the squared residuals that goes with it.
 class ReducedCameraSystem {
  public:
   explicit ReducedCameraSystem(int num_params);
@@ -30,18 +33,28 @@ class ReducedCameraSystem {
   // out of range and on sizes that do not match.
   void AddPoint(const std::vector<LinearizedObservation>& observations);
 
-  // Normal prior of one parameter. Throws unless stddev > 0.
-  void AddPrior(int param, double stddev);
+  // Normal prior of one parameter, which is `deviation` off its mean. Throws
+  // unless stddev > 0.
+  void AddPrior(int param, double stddev, double deviation = 0);
+
+  // Normal prior of the difference of two parameters, which is `difference`
+  // now, about zero. Throws unless stddev > 0.
+  void AddTie(int param1, int param2, double stddev, double difference = 0);
 
   const Eigen::MatrixXd& Information() const { return information_; }
 
+  // Of some parameters with all others unknown too: Gauss-Newton step to the
+  // minimum, -S^-1 g, and covariance, S^-1. Nothing if S is numerically
+  // singular.
+  struct Marginal {
+    Eigen::VectorXd step;
+    Eigen::MatrixXd covariance;
+  };
+  std::optional<Marginal> MarginalOf(const std::vector<int>& params) const;
+
  private:
   Eigen::MatrixXd information_;
+  Eigen::VectorXd gradient_;
 };
-
-// Blocks of the inverse of a symmetric positive definite matrix that belong to
-// `params`; empty if it is numerically singular.
-Eigen::MatrixXd MarginalCovariance(const Eigen::MatrixXd& information,
-                                   const std::vector<int>& params);
 
 }  // namespace dgsfm

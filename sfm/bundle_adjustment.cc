@@ -31,12 +31,10 @@ constexpr size_t kMinNumObservationsForThreads = 10000;
 class ModelBundle {
  public:
   ModelBundle(const BundleAdjustmentOptions& options,
-              const CameraMap& prior_cameras,
-              const std::vector<CameraGroup>& groups,
+              const CameraBeliefs& beliefs,
               colmap::Reconstruction* model)
       : options_(options),
-        prior_cameras_(prior_cameras),
-        groups_(groups),
+        beliefs_(beliefs),
         model_(model),
         point_ids_(SortedPoints(*model)) {
     for (size_t i = 0; i < point_ids_.size(); ++i) {
@@ -49,7 +47,7 @@ class ModelBundle {
     for (size_t i = 0; i < camera_ids_.size(); ++i) {
       RefineCamera(num_observations_[i], i);
     }
-    for (const CameraGroup& group : groups_) TieCameras(group);
+    for (const CameraGroup& group : beliefs_.groups) TieCameras(group);
   }
 
   // Holds the pose of an image and one coordinate of another.
@@ -116,10 +114,9 @@ class ModelBundle {
     if (!is_new) return it->second;
     const colmap::Camera& camera = model_->Camera(camera_id);
     BundleCamera bundle_camera = {camera.ModelId(), camera.Params(), {}};
-    for (const CameraGroup& group : groups_) {
-      if (!group.IsRigid() || !group.Contains(camera_id)) continue;
-      bundle_camera.params = MeanParams(group, *model_);
-      for (const colmap::camera_t member : group.camera_ids) {
+    if (const CameraGroup* group = beliefs_.RigidGroupOf(camera_id)) {
+      bundle_camera.params = MeanParams(*group, *model_);
+      for (const colmap::camera_t member : group->camera_ids) {
         camera_indices_[member] = it->second;
       }
     }
@@ -131,8 +128,9 @@ class ModelBundle {
 
   void RefineCamera(size_t num_observations, size_t index) {
     if (num_observations < kMinNumObservationsPerCamera) return;
-    const colmap::Camera& prior = prior_cameras_.at(camera_ids_[index]);
-    Eigen::VectorXd stddevs = PriorStddevs(options_.intrinsics, prior);
+    const colmap::Camera& prior = beliefs_.given.at(camera_ids_[index]);
+    Eigen::VectorXd stddevs =
+        PriorStddevs(options_.intrinsics, beliefs_, camera_ids_[index]);
     BundleCamera& camera = bundle_.cameras[index];
     for (int i = 0; i < stddevs.size(); ++i) {
       if (stddevs(i) > 0) camera.refined_params.push_back(i);
@@ -187,8 +185,7 @@ class ModelBundle {
   }
 
   const BundleAdjustmentOptions& options_;
-  const CameraMap& prior_cameras_;
-  const std::vector<CameraGroup>& groups_;
+  const CameraBeliefs& beliefs_;
   colmap::Reconstruction* model_;
   // By their index in the bundle.
   std::vector<colmap::image_t> image_ids_;
@@ -225,11 +222,10 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
-                                   const CameraMap& prior_cameras,
-                                   const std::vector<CameraGroup>& groups,
+                                   const CameraBeliefs& beliefs,
                                    colmap::Reconstruction* model) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  ModelBundle bundle(options, prior_cameras, groups, model);
+  ModelBundle bundle(options, beliefs, model);
   bundle.FixGauge(fixed_image);
   return bundle.Solve(num_threads);
 }

@@ -27,19 +27,18 @@ struct BundleAdjustmentOptions {
   bool IsValid(std::string* error) const;
 };
 
-// `prior_cameras` are the cameras as the database has them. Minimises the
-// soft-L1 reprojection errors of all observations and the squared deviations
-// from the priors and from the means of `groups` (disjoint) over poses, points,
-// intrinsics and means. Gauge: the pose of fixed_image, and the largest
-// coordinate of the translation of the image farthest from it. Cameras whose
-// images have hardly any observations keep their intrinsics. Returns the root
-// of the mean robust squared error [px], or nothing if there is nothing to
-// adjust or the solver failed. The same for any number of threads.
+// Minimises the soft-L1 reprojection errors of all observations and the squared
+// deviations of intrinsics from what is believed (priors, and the means of the
+// groups) over poses, points, intrinsics and means. Gauge: the pose of
+// fixed_image, and the largest coordinate of the translation of the image
+// farthest from it. Cameras whose images have hardly any observations keep
+// their intrinsics. Returns the root of the mean robust squared error [px], or
+// nothing if there is nothing to adjust or the solver failed. The same for any
+// number of threads.
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
-                                   const CameraMap& prior_cameras,
-                                   const std::vector<CameraGroup>& groups,
+                                   const CameraBeliefs& beliefs,
                                    colmap::Reconstruction* model);
 
 }  // namespace dgsfm

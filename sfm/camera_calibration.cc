@@ -1,8 +1,11 @@
 #include "sfm/camera_calibration.h"
 
+#include "estimators/focal_population.h"
 #include "estimators/two_view_model.h"
 
 #include <algorithm>
+#include <cmath>
+#include <tuple>
 
 namespace dgsfm {
 
@@ -53,6 +56,41 @@ bool SetAverage(const std::vector<FocalEstimate>& estimates,
   focal->log_spread = averaged->log_spread;
   SetFocalLength(averaged->focal_length_px, camera);
   return true;
+}
+
+// Cameras of one camera model and image size learn from each other.
+void ShrinkToPopulations(Scene* scene,
+                         std::map<colmap::camera_t, CameraFocal>* focals) {
+  using Population = std::tuple<int, size_t, size_t>;
+  std::map<Population, std::vector<colmap::camera_t>> populations;
+  for (const auto& [camera_id, focal] : *focals) {
+    const colmap::Camera& camera = scene->cameras.at(camera_id);
+    if (focal.source == FocalSource::PRIOR) continue;
+    populations[{camera.ModelId(), camera.Width(), camera.Height()}].push_back(
+        camera_id);
+  }
+  for (const auto& [population, camera_ids] : populations) {
+    std::vector<CameraFocalEstimate> estimates;
+    for (const colmap::camera_t camera_id : camera_ids) {
+      const CameraFocal& focal = focals->at(camera_id);
+      estimates.push_back(
+          {std::log(focal.focal_length_px),
+           focal.log_spread,
+           focal.source == FocalSource::PAIRS ? int(focal.num_estimates) : 0});
+    }
+    const std::vector<FocalPosterior> posteriors = ShrinkFocals({}, estimates);
+    for (size_t i = 0; i < posteriors.size(); ++i) {
+      CameraFocal& focal = focals->at(camera_ids[i]);
+      if (focal.source == FocalSource::DEFAULT) {
+        focal.source = FocalSource::SIMILAR_CAMERAS;
+      } else if (focal.source != FocalSource::PAIRS) {
+        continue;
+      }
+      focal.focal_length_px = std::exp(posteriors[i].log_focal_length);
+      focal.log_stddev = posteriors[i].log_stddev;
+      SetFocalLength(focal.focal_length_px, &scene->cameras.at(camera_ids[i]));
+    }
+  }
 }
 
 Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
@@ -120,6 +158,8 @@ std::string FocalSourceName(FocalSource source) {
       return "pairs";
     case FocalSource::VIEW_GRAPH:
       return "view_graph";
+    case FocalSource::SIMILAR_CAMERAS:
+      return "similar_cameras";
     case FocalSource::DEPTH_MODEL:
       return "depth_model";
     case FocalSource::DEFAULT:
@@ -128,10 +168,11 @@ std::string FocalSourceName(FocalSource source) {
   return "default";
 }
 
-std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
+std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
     const PairGeometries& pairs,
     const KeypointDepthMap& depths,
     const ViewGraphCalibrationOptions& options,
+    bool relate_cameras,
     Scene* scene) {
   FocalEstimates pair_estimates = EstimatesOfPairs(pairs, *scene);
   FocalEstimates depth_estimates = EstimatesOfDepthModel(depths, *scene);
@@ -147,6 +188,7 @@ std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
     }
     focal.focal_length_px = camera.MeanFocalLength();
   }
+  if (relate_cameras) ShrinkToPopulations(scene, &focals);
   CalibrateFromFundamentals(pairs, options, scene, &focals);
   return focals;
 }

@@ -11,11 +11,12 @@
 namespace dgsfm {
 
 enum class FocalSource {
-  PRIOR,        // given by the user: untouched
-  PAIRS,        // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
-  VIEW_GRAPH,   // from fundamental matrices, no depth
-  DEPTH_MODEL,  // as the depth model saw it, for want of other evidence
-  DEFAULT,      // no evidence: the value in the database
+  PRIOR,            // given by the user: untouched
+  PAIRS,            // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
+  VIEW_GRAPH,       // from fundamental matrices, no depth
+  SIMILAR_CAMERAS,  // median of cameras of the same model and image size
+  DEPTH_MODEL,      // as the depth model saw it, for want of other evidence
+  DEFAULT,          // no evidence: the value in the database
 };
 
 std::string FocalSourceName(FocalSource source);
@@ -26,6 +27,8 @@ struct CameraFocal {
   size_t num_estimates = 0;
   // Spread of these estimates of log focal length [1].
   double log_spread = 0;
+  // Of log focal length [1]; 0 if not known.
+  double log_stddev = 0;
 };
 
 // Sets the focal length of every camera without a prior focal length from the
@@ -33,10 +36,13 @@ struct CameraFocal {
 // no estimate, by calibrating the view graph from their fundamental matrices,
 // from the median of what the depth model saw in the images as start; where
 // that fails, the start.
-std::map<colmap::camera_t, CameraFocal> CalibrateCameras(
+// With relate_cameras, estimates of cameras of one model and image size are
+// drawn towards each other first, see ShrinkFocals.
+std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
     const PairGeometries& pairs,
     const KeypointDepthMap& depths,
     const ViewGraphCalibrationOptions& options,
+    bool relate_cameras,
     Scene* scene);
 
 }  // namespace dgsfm

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -16,8 +17,6 @@ namespace {
 // Standard deviation of ties of parameters that do not differ, over that of
 // the data: any stiffer slows the solver down and gains nothing.
 constexpr double kStiffness = 0.1;
-
-using CameraClass = std::tuple<int, size_t, size_t>;
 
 // A camera's place in the posterior.
 struct PosteriorBlock {
@@ -82,6 +81,7 @@ CameraGroup GroupOf(const SameCameras& same,
   for (const int camera : same.cameras) {
     group.camera_ids.push_back(blocks[camera].camera_id);
   }
+  group.variance_factor = same.variance_factor;
   if (same.stddevs.isZero(0)) return group;
   const colmap::Camera& camera = model.Camera(group.camera_ids[0]);
   group.stddevs = Eigen::VectorXd::Zero(Eigen::Index(camera.NumParams()));
@@ -99,80 +99,168 @@ CameraGroup GroupOf(const SameCameras& same,
   return group;
 }
 
-}  // namespace
+// Cameras that may be the same, and how many share that.
+struct CameraClass {
+  std::vector<PosteriorBlock> blocks;
+  std::vector<int> refined;
+  CameraEstimates estimates;
+  CameraGroupingOptions options;
+};
 
-std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
-                                          const IntrinsicsPosterior& posterior,
-                                          const colmap::Reconstruction& model) {
-  std::map<CameraClass, std::vector<PosteriorBlock>> classes;
+std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
+                                   const IntrinsicsPosterior& posterior,
+                                   const colmap::Reconstruction& model) {
+  using Key = std::tuple<int, size_t, size_t>;
+  std::map<Key, std::vector<PosteriorBlock>> blocks_of;
   int first_param = 0;
   for (const colmap::camera_t camera_id : posterior.camera_ids) {
     const colmap::Camera& camera = model.Camera(camera_id);
     if (!camera.HasPriorFocalLength() &&
         posterior.covariance(first_param, first_param) > 0) {
-      classes[{camera.ModelId(), camera.Width(), camera.Height()}].push_back(
+      blocks_of[{camera.ModelId(), camera.Width(), camera.Height()}].push_back(
           {camera_id, first_param});
     }
     first_param += int(camera.NumParams());
   }
-  std::vector<CameraGroup> groups;
-  for (const auto& [camera_class, blocks] : classes) {
+  std::vector<CameraClass> classes;
+  for (const auto& [key, blocks] : blocks_of) {
     if (blocks.size() < 2) continue;
     const double share =
         double(blocks.size()) / double(posterior.camera_ids.size());
-    CameraGroupingOptions class_options = options;
-    class_options.prior_odds = std::max(options.prior_odds, share * share);
-    const std::vector<int> refined = RefinedParams(blocks[0], posterior, model);
-    const CameraEstimates estimates =
-        EstimatesOf(blocks, refined, posterior, model);
-    for (const SameCameras& same : GroupCameras(class_options, estimates)) {
-      groups.push_back(GroupOf(same, blocks, refined, posterior, model));
+    CameraClass& camera_class = classes.emplace_back();
+    camera_class.blocks = blocks;
+    camera_class.refined = RefinedParams(blocks[0], posterior, model);
+    camera_class.estimates =
+        EstimatesOf(blocks, camera_class.refined, posterior, model);
+    camera_class.options = options;
+    camera_class.options.prior_odds =
+        std::max(options.prior_odds, share * share);
+  }
+  return classes;
+}
+
+// Mean deviation of the principal points of some cameras from the given ones;
+// nothing if they are held or not seen.
+std::optional<CameraDeviation> PrincipalPointDeviation(
+    const std::vector<colmap::camera_t>& camera_ids,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior) {
+  // Weights of the parameters in the mean, a row for each coordinate.
+  Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(2, posterior.params.size());
+  Eigen::VectorXd given_params(posterior.params.size());
+  Eigen::Index first_param = 0;
+  for (const colmap::camera_t camera_id : posterior.camera_ids) {
+    const colmap::Camera& given = beliefs.given.at(camera_id);
+    const auto num_params = Eigen::Index(given.NumParams());
+    given_params.segment(first_param, num_params) =
+        Eigen::Map<const Eigen::VectorXd>(given.ParamsData(), num_params);
+    if (std::binary_search(camera_ids.begin(), camera_ids.end(), camera_id)) {
+      for (Eigen::Index i = 0; i < 2; ++i) {
+        mean(i, first_param + Eigen::Index(given.PrincipalPointIdxs()[i])) = 1;
+      }
+    }
+    first_param += num_params;
+  }
+  if (mean.isZero(0)) return std::nullopt;
+  mean /= mean.row(0).sum();
+  const CameraDeviation deviation = {
+      mean * (posterior.params - given_params),
+      mean * posterior.covariance * mean.transpose()};
+  if (!(deviation.covariance.diagonal().minCoeff() > 0)) return std::nullopt;
+  return deviation;
+}
+
+size_t LargerSide(const colmap::Camera& camera) {
+  return std::max(camera.Width(), camera.Height());
+}
+
+}  // namespace
+
+std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
+                                          const IntrinsicsPosterior& posterior,
+                                          const colmap::Reconstruction& model) {
+  std::vector<CameraGroup> groups;
+  for (const CameraClass& camera_class : ClassesOf(options, posterior, model)) {
+    for (const SameCameras& same :
+         GroupCameras(camera_class.options, camera_class.estimates)) {
+      groups.push_back(GroupOf(
+          same, camera_class.blocks, camera_class.refined, posterior, model));
     }
   }
   return groups;
 }
 
-bool PrincipalPointsAreAsGiven(const CameraGroupingOptions& options,
-                               const CameraMap& prior_cameras,
-                               const IntrinsicsPosterior& posterior) {
-  std::vector<int> params;
-  std::vector<double> deviations;
-  int first_param = 0;
-  for (const colmap::camera_t camera_id : posterior.camera_ids) {
-    const colmap::Camera& prior = prior_cameras.at(camera_id);
-    for (const size_t idx : prior.PrincipalPointIdxs()) {
-      const int param = first_param + int(idx);
-      if (posterior.covariance(param, param) == 0) continue;
-      params.push_back(param);
-      deviations.push_back(posterior.params(param) - prior.Params(idx));
-    }
-    first_param += int(prior.NumParams());
-  }
-  const auto size = Eigen::Index(params.size());
-  Eigen::MatrixXd covariance(size, size);
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (Eigen::Index j = 0; j < size; ++j) {
-      covariance(i, j) = posterior.covariance(params[i], params[j]);
+std::vector<CameraGroup> FindCameraClasses(
+    const CameraGroupingOptions& options,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model) {
+  std::vector<CameraGroup> groups;
+  for (const CameraClass& camera_class : ClassesOf(options, posterior, model)) {
+    if (camera_class.blocks.size() < size_t(options.min_num_cameras)) continue;
+    CameraGroup& group = groups.emplace_back();
+    for (const PosteriorBlock& block : camera_class.blocks) {
+      group.camera_ids.push_back(block.camera_id);
     }
   }
-  return AreConsistentWithZero(
-      options,
-      Eigen::Map<const Eigen::VectorXd>(deviations.data(), size),
-      covariance);
+  return groups;
 }
 
-void ResetPrincipalPoints(const CameraMap& prior_cameras,
-                          colmap::Reconstruction* model) {
-  std::vector<colmap::camera_t> camera_ids;
-  for (const auto& [camera_id, camera] : model->Cameras()) {
-    camera_ids.push_back(camera_id);
-  }
-  for (const colmap::camera_t camera_id : camera_ids) {
-    const colmap::Camera& prior = prior_cameras.at(camera_id);
-    for (const size_t idx : prior.PrincipalPointIdxs()) {
-      model->Camera(camera_id).Params(idx) = prior.Params(idx);
+std::vector<CameraGroup> FindCandidateGroups(
+    const CameraGroupingOptions& options,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model) {
+  std::vector<CameraGroup> groups;
+  for (const CameraClass& camera_class : ClassesOf(options, posterior, model)) {
+    for (const std::vector<int>& cameras :
+         ClusterByFocal(camera_class.options, camera_class.estimates)) {
+      if (cameras.size() < size_t(options.min_num_cameras)) continue;
+      CameraGroup& group = groups.emplace_back();
+      for (const int camera : cameras) {
+        group.camera_ids.push_back(camera_class.blocks[camera].camera_id);
+      }
     }
   }
+  return groups;
+}
+
+std::set<colmap::camera_t> FindGivenPrincipalPoints(
+    const CameraGroupingOptions& options,
+    const IntrinsicsPriorOptions& prior,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior) {
+  std::set<colmap::camera_t> given_ids;
+  for (const CameraGroup& group : beliefs.groups) {
+    const auto deviation =
+        PrincipalPointDeviation(group.camera_ids, beliefs, posterior);
+    const double prior_stddev =
+        prior.principal_point_stddev_ratio *
+        double(LargerSide(beliefs.given.at(group.camera_ids.front())));
+    if (deviation && LogOddsOfDeviation(
+                         *deviation, group.variance_factor, prior_stddev) < 0) {
+      given_ids.insert(group.camera_ids.begin(), group.camera_ids.end());
+    }
+  }
+
+  std::vector<colmap::camera_t> camera_ids;
+  std::vector<CameraDeviation> deviations;
+  for (const colmap::camera_t camera_id : posterior.camera_ids) {
+    const bool is_grouped =
+        std::any_of(beliefs.groups.begin(),
+                    beliefs.groups.end(),
+                    [id = camera_id](const CameraGroup& group) {
+                      return group.Contains(id);
+                    });
+    const auto deviation =
+        PrincipalPointDeviation({camera_id}, beliefs, posterior);
+    if (is_grouped || !deviation) continue;
+    camera_ids.push_back(camera_id);
+    deviations.push_back(*deviation);
+  }
+  const std::vector<char> deviating = DeviatingCameras(options, deviations);
+  for (size_t i = 0; i < camera_ids.size(); ++i) {
+    if (!deviating[i]) given_ids.insert(camera_ids[i]);
+  }
+  return given_ids;
 }
 
 void ShareIntrinsics(const std::vector<CameraGroup>& groups,

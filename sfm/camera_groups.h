@@ -6,6 +6,7 @@
 #include "estimators/camera_grouping.h"
 #include "sfm/intrinsics_posterior.h"
 
+#include <set>
 #include <vector>
 
 namespace dgsfm {
@@ -19,15 +20,25 @@ std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
                                           const IntrinsicsPosterior& posterior,
                                           const colmap::Reconstruction& model);
 
-// Whether nothing speaks against the principal points of the database: they
-// have moved by no more than errors explain.
-bool PrincipalPointsAreAsGiven(const CameraGroupingOptions& options,
-                               const CameraMap& prior_cameras,
-                               const IntrinsicsPosterior& posterior);
+// The same without a look at the intrinsics.
+std::vector<CameraGroup> FindCameraClasses(const CameraGroupingOptions& options,
+                                           const IntrinsicsPosterior& posterior,
+                                           const colmap::Reconstruction& model);
 
-// Sets the principal points of a model to those of the database.
-void ResetPrincipalPoints(const CameraMap& prior_cameras,
-                          colmap::Reconstruction* model);
+// The same by focal lengths alone: all that may be the same.
+std::vector<CameraGroup> FindCandidateGroups(
+    const CameraGroupingOptions& options,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model);
+
+// Cameras whose principal points, as far as errors allow to tell, are those of
+// the database: of a group, where that is likelier than an offset drawn from
+// the prior; of other cameras, where their offsets do not show.
+std::set<colmap::camera_t> FindGivenPrincipalPoints(
+    const CameraGroupingOptions& options,
+    const IntrinsicsPriorOptions& prior,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior);
 
 // Gives all images of a rigid group its first camera and removes the others.
 // Points get new ids.

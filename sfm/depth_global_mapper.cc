@@ -66,7 +66,7 @@ DepthGlobalMapper::DepthGlobalMapper(
     : options_(options),
       verification_(verification),
       scene_(scene),
-      prior_cameras_(scene.cameras),
+      beliefs_({scene.cameras, {}, {}}),
       depths_(std::move(depths)),
       pair_scores_(pair_scores) {
   std::string error;
@@ -169,8 +169,11 @@ void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
 void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
   if (options_.skip_focal_averaging) return;
   StageTimer timer("focal_averaging");
-  result_.focals = CalibrateCameras(
-      *pairs, depths_, options_.view_graph_calibration, &scene_);
+  result_.focals = AverageFocalsOfCameras(*pairs,
+                                          depths_,
+                                          options_.view_graph_calibration,
+                                          !options_.skip_camera_grouping,
+                                          &scene_);
   std::map<FocalSource, size_t> num_cameras;
   for (const auto& [camera_id, focal] : result_.focals) {
     ++num_cameras[focal.source];
@@ -290,9 +293,9 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   }
 
   const bool success = PositionModel(model.get()) && AdjustModel(model.get());
-  CameraTies ties;
+  CameraBeliefs beliefs = beliefs_;
   if (success && !options_.skip_retriangulation) {
-    ties = RetriangulateModel(pairs, model.get());
+    beliefs = RetriangulateModel(pairs, model.get());
   }
   FinishModel(start_centers, model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
@@ -304,9 +307,9 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     }
     return nullptr;
   }
-  KeepGroupsOf(*model, &ties.groups);
-  SummarizeCameras(ties, *model);
-  if (options_.share_intrinsics) ShareIntrinsics(ties.groups, model.get());
+  KeepGroupsOf(*model, &beliefs.groups);
+  result_.cameras.merge(SummarizeCameras(FinalAdjustment(), beliefs, *model));
+  if (options_.share_intrinsics) ShareIntrinsics(beliefs.groups, model.get());
   return model;
 }
 
@@ -331,18 +334,6 @@ bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
   return model->NumPoints3D() > 0;
 }
 
-std::optional<double> DepthGlobalMapper::AdjustModelBundle(
-    const BundleAdjustmentOptions& options,
-    const std::vector<CameraGroup>& groups,
-    colmap::Reconstruction* model) {
-  return AdjustBundle(options,
-                      options_.num_threads,
-                      AnchorImage(*model),
-                      prior_cameras_,
-                      groups,
-                      model);
-}
-
 bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   if (options_.skip_bundle_adjustment) return true;
   const int num_rounds = options_.refinement.num_bundle_adjustment_rounds;
@@ -353,7 +344,8 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = AdjustModelBundle(adjustment, {}, model);
+    const std::optional<double> rms = AdjustBundle(
+        adjustment, options_.num_threads, AnchorImage(*model), beliefs_, model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options_.refinement, num_rounds - round, model);
@@ -366,9 +358,22 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   return model->NumPoints3D() > 0;
 }
 
-DepthGlobalMapper::CameraTies DepthGlobalMapper::RetriangulateModel(
+CameraBeliefs DepthGlobalMapper::RetriangulateModel(
     PairGeometries* pairs, colmap::Reconstruction* model) {
-  CameraTies ties;
+  CameraBeliefs beliefs = beliefs_;
+  const auto adjust = [&] {
+    return AdjustBundle(FinalAdjustment(),
+                        options_.num_threads,
+                        AnchorImage(*model),
+                        beliefs,
+                        model);
+  };
+  // Before the retriangulation, whose filters would favour what free cameras
+  // made of the model; and after it, where all its points say more.
+  if (!options_.skip_camera_grouping) {
+    adjust();
+    beliefs = CalibrateCameras(model);
+  }
   std::unique_ptr<colmap::CorrespondenceGraph> graph;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
@@ -380,8 +385,7 @@ DepthGlobalMapper::CameraTies DepthGlobalMapper::RetriangulateModel(
                              *model,
                              graph.get());
     const size_t num_gained = Retriangulate(options_.refinement, *graph, model);
-    const std::optional<double> rms =
-        AdjustModelBundle(FinalAdjustment(ties), ties.groups, model);
+    const std::optional<double> rms = adjust();
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
     timer.Add("observations_gained", double(num_gained))
@@ -390,82 +394,39 @@ DepthGlobalMapper::CameraTies DepthGlobalMapper::RetriangulateModel(
         .Add("points", double(model->NumPoints3D()));
     timer.Finish(&result_.stages);
     const double num_observations = double(model->ComputeNumObservations());
-    if (round == 0 && !options_.skip_camera_grouping) {
-      ties = TieCameras(model);
-    }
-    if (ties.groups.empty() && !ties.hold_principal_points &&
-        double(num_gained + num_filtered) <
-            kMinFilteredShare * num_observations) {
+    const bool recalibrate = round == 0 && !options_.skip_camera_grouping &&
+                             beliefs.NumTiedCameras() < model->NumCameras();
+    if (recalibrate) beliefs = CalibrateCameras(model);
+    if (!recalibrate && double(num_gained + num_filtered) <
+                            kMinFilteredShare * num_observations) {
       break;
     }
   }
   JudgePairsByModel(*model, *graph, pairs);
-  return ties;
+  return beliefs;
 }
 
-BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment(
-    const CameraTies& ties) const {
+BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
   BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
   adjustment.intrinsics.refine_principal_point =
-      options_.refinement.refine_principal_point && !ties.hold_principal_points;
+      options_.refinement.refine_principal_point;
   return adjustment;
 }
 
-DepthGlobalMapper::CameraTies DepthGlobalMapper::TieCameras(
+CameraBeliefs DepthGlobalMapper::CalibrateCameras(
     colmap::Reconstruction* model) {
   StageTimer timer("camera_grouping");
-  const std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(
-          FinalAdjustment({}), prior_cameras_, {}, *model);
-  CameraTies ties;
-  if (posterior) {
-    ties.groups =
-        FindCameraGroups(options_.camera_grouping, *posterior, *model);
-    ties.hold_principal_points =
-        ties.groups.empty() &&
-        PrincipalPointsAreAsGiven(
-            options_.camera_grouping, prior_cameras_, *posterior);
-  }
-  if (ties.hold_principal_points) ResetPrincipalPoints(prior_cameras_, model);
-  size_t num_cameras = 0;
-  for (const CameraGroup& group : ties.groups) {
-    num_cameras += group.camera_ids.size();
-  }
-  timer.Add("groups", double(ties.groups.size()))
-      .Add("cameras", double(num_cameras))
-      .Add("principal_points_held", ties.hold_principal_points);
+  const CameraBeliefs beliefs = CalibrateModel(
+      {options_.camera_grouping, FinalAdjustment(), options_.num_threads},
+      AnchorImage(*model),
+      beliefs_,
+      model);
+  timer.Add("groups", double(beliefs.groups.size()))
+      .Add("cameras", double(beliefs.NumTiedCameras()))
+      .Add("principal_points_held",
+           double(beliefs.held_principal_points.size()));
   timer.Finish(&result_.stages);
-  return ties;
-}
-
-void DepthGlobalMapper::SummarizeCameras(const CameraTies& ties,
-                                         const colmap::Reconstruction& model) {
-  const BundleAdjustmentOptions adjustment = FinalAdjustment(ties);
-  for (const auto& [camera_id, camera] : model.Cameras()) {
-    CameraResult& result = result_.cameras[camera_id];
-    result.params = camera.Params();
-    const Eigen::VectorXd stddevs =
-        PriorStddevs(adjustment.intrinsics, prior_cameras_.at(camera_id));
-    result.prior_stddevs.assign(stddevs.begin(), stddevs.end());
-    result.group = camera_id;
-  }
-  for (const CameraGroup& group : ties.groups) {
-    for (const colmap::camera_t camera_id : group.camera_ids) {
-      CameraResult& result = result_.cameras.at(camera_id);
-      result.group = group.camera_ids.front();
-      result.group_stddevs.assign(group.stddevs.begin(), group.stddevs.end());
-    }
-  }
-  const std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(
-          adjustment, prior_cameras_, ties.groups, model);
-  if (!posterior) return;
-  for (const auto& [camera_id, camera] : model.Cameras()) {
-    CameraResult& result = result_.cameras.at(camera_id);
-    const Eigen::VectorXd stddevs = posterior->StddevsOf(
-        result.group_stddevs.empty() ? result.group : camera_id, model);
-    result.stddevs.assign(stddevs.begin(), stddevs.end());
-  }
+  return beliefs;
 }
 
 // Of pairs between images of the model only: about others it knows nothing.

@@ -4,10 +4,10 @@
 #pragma once
 
 #include "sfm/camera_calibration.h"
-#include "sfm/camera_groups.h"
 #include "sfm/component_averaging.h"
 #include "sfm/model_refinement.h"
 #include "sfm/position_initialization.h"
+#include "sfm/self_calibration.h"
 #include "sfm/stage_report.h"
 #include "sfm/track_establishment.h"
 
@@ -57,24 +57,12 @@ struct DepthGlobalMapperOptions {
   bool skip_bundle_adjustment = false;
   // Completion of tracks after bundle adjustment, not in the paper either.
   bool skip_retriangulation = false;
-  // One set of intrinsics for cameras that turn out to be the same in the last
-  // adjustment, which the paper does not have.
+  // What cameras of one model and image size tell about each other: averaged
+  // focal lengths are drawn together, and cameras that turn out to be the same
+  // get one set of intrinsics. The paper takes all as unrelated.
   bool skip_camera_grouping = false;
 
   bool IsValid(std::string* error) const;
-};
-
-// Intrinsics of a camera in its model, parameters in COLMAP's order [px, 1].
-struct CameraResult {
-  std::vector<double> params;
-  // Standard deviations of the database's values, 0 where held and infinite
-  // where there is no prior, and of `params`; empty where not known.
-  std::vector<double> prior_stddevs;
-  std::vector<double> stddevs;
-  // Smallest camera id of its group, or its own.
-  colmap::camera_t group = colmap::kInvalidCameraId;
-  // Of the parameters about the mean of the group; empty if they are the same.
-  std::vector<double> group_stddevs;
 };
 
 struct DepthGlobalMapperResult {
@@ -110,11 +98,6 @@ class DepthGlobalMapper {
 
  private:
   using ImageIds = std::vector<colmap::image_t>;
-  // What a first adjustment of the complete model tells about its cameras.
-  struct CameraTies {
-    std::vector<CameraGroup> groups;
-    bool hold_principal_points = false;
-  };
 
   void DropUnreliableDepths(PairGeometries* pairs);
   // Verifies pairs once more, with other cameras or fewer depth maps.
@@ -134,18 +117,13 @@ class DepthGlobalMapper {
       const ImageIndex& index,
       const std::vector<Eigen::Quaterniond>& cam_from_world_rotations);
   bool PositionModel(colmap::Reconstruction* model);
-  std::optional<double> AdjustModelBundle(
-      const BundleAdjustmentOptions& options,
-      const std::vector<CameraGroup>& groups,
-      colmap::Reconstruction* model);
   bool AdjustModel(colmap::Reconstruction* model);
-  CameraTies RetriangulateModel(PairGeometries* pairs,
-                                colmap::Reconstruction* model);
-  CameraTies TieCameras(colmap::Reconstruction* model);
+  // Returns what it learned about the cameras.
+  CameraBeliefs RetriangulateModel(PairGeometries* pairs,
+                                   colmap::Reconstruction* model);
+  CameraBeliefs CalibrateCameras(colmap::Reconstruction* model);
   // Of the adjustment of the complete model.
-  BundleAdjustmentOptions FinalAdjustment(const CameraTies& ties) const;
-  void SummarizeCameras(const CameraTies& ties,
-                        const colmap::Reconstruction& model);
+  BundleAdjustmentOptions FinalAdjustment() const;
   void JudgePairsByModel(const colmap::Reconstruction& model,
                          const colmap::CorrespondenceGraph& graph,
                          PairGeometries* pairs);
@@ -158,8 +136,8 @@ class DepthGlobalMapper {
   PairVerificationOptions verification_;
   // With averaged focal lengths.
   Scene scene_;
-  // As given.
-  const CameraMap& prior_cameras_;
+  // Of the cameras as given.
+  const CameraBeliefs beliefs_;
   KeypointDepthMap depths_;
   const PairScores& pair_scores_;
   DepthGlobalMapperResult result_;

@@ -5,6 +5,7 @@
 #include "estimators/reduced_camera_system.h"
 #include "sfm/model_access.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -29,35 +30,20 @@ Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
 class PosteriorProblem {
  public:
   PosteriorProblem(const BundleAdjustmentOptions& options,
-                   const CameraMap& prior_cameras,
-                   const std::vector<CameraGroup>& groups,
+                   const CameraBeliefs& beliefs,
                    const colmap::Reconstruction& model)
-      : options_(options), model_(model) {
-    for (const CameraGroup& group : groups) {
-      if (!group.IsRigid()) continue;
-      for (const colmap::camera_t camera_id : group.camera_ids) {
-        first_of_group_[camera_id] = group.camera_ids.front();
-      }
-    }
-    std::map<colmap::camera_t, Eigen::VectorXd> stddevs;
+      : options_(options), beliefs_(beliefs), model_(model) {
     for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
       const colmap::Image& image = model.Image(image_id);
       if (image.NumPoints3D() == 0) continue;
       first_pose_param_[image_id] = num_params_;
       num_params_ += kNumPoseParams;
-      const colmap::camera_t block = BlockOf(image.CameraId());
-      stddevs[block] =
-          PriorStddevs(options.intrinsics, prior_cameras.at(block));
+      intrinsic_params_[BlockOf(image.CameraId())];
     }
-    for (const auto& [block, block_stddevs] : stddevs) {
-      std::vector<int>& params = intrinsic_params_[block];
-      for (const double stddev : block_stddevs) {
-        params.push_back(stddev == 0 ? -1 : num_params_++);
-        if (stddev > 0 && std::isfinite(stddev)) {
-          priors_.emplace_back(params.back(), stddev);
-        }
-      }
+    for (auto& [block, params] : intrinsic_params_) {
+      AddIntrinsics(block, &params);
     }
+    for (const CameraGroup& group : beliefs.groups) AddTies(group);
   }
 
   std::optional<IntrinsicsPosterior> Solve() {
@@ -82,8 +68,16 @@ class PosteriorProblem {
         sum_squared_influences_ / redundancy / (mean_slope * mean_slope);
     // The normal matrix has the weights.
     const double unit_variance = mean_weight * variance;
-    for (const auto& [param, stddev] : priors_) {
-      system.AddPrior(param, stddev / std::sqrt(unit_variance));
+    for (const Prior& prior : priors_) {
+      system.AddPrior(prior.param,
+                      prior.stddev / std::sqrt(unit_variance),
+                      prior.deviation);
+    }
+    for (const Tie& tie : ties_) {
+      system.AddTie(tie.param,
+                    tie.mean_param,
+                    tie.stddev / std::sqrt(unit_variance),
+                    tie.difference);
     }
     FixGauge(&system);
     std::optional<IntrinsicsPosterior> posterior =
@@ -93,9 +87,75 @@ class PosteriorProblem {
   }
 
  private:
+  struct Prior {
+    int param = 0;
+    double stddev = 0;
+    // Of the model's value from the mean.
+    double deviation = 0;
+  };
+
+  // Of a parameter to the mean of its group.
+  struct Tie {
+    int param = 0;
+    int mean_param = 0;
+    double stddev = 0;
+    double difference = 0;
+  };
+
   colmap::camera_t BlockOf(colmap::camera_t camera_id) const {
-    const auto group = first_of_group_.find(camera_id);
-    return group == first_of_group_.end() ? camera_id : group->second;
+    const CameraGroup* group = beliefs_.RigidGroupOf(camera_id);
+    return group ? group->camera_ids.front() : camera_id;
+  }
+
+  void AddIntrinsics(colmap::camera_t block, std::vector<int>* params) {
+    const Eigen::VectorXd stddevs =
+        PriorStddevs(options_.intrinsics, beliefs_, block);
+    const colmap::Camera& given = beliefs_.given.at(block);
+    const colmap::Camera& camera = model_.Camera(block);
+    std::vector<double> deviations;
+    for (size_t i = 0; i < camera.NumParams(); ++i) {
+      deviations.push_back(camera.Params(i) - given.Params(i));
+    }
+    // The Cauchy loss of principal points weakens their prior.
+    double squared_distance = 0;
+    for (const size_t idx : camera.PrincipalPointIdxs()) {
+      if (stddevs(Eigen::Index(idx)) == 0) continue;
+      const double ratio = deviations[idx] / stddevs(Eigen::Index(idx));
+      squared_distance += ratio * ratio;
+    }
+    const double factor = options_.intrinsics.crop_factor;
+    const double loosening =
+        std::sqrt(1 + squared_distance / (factor * factor));
+    for (Eigen::Index i = 0; i < stddevs.size(); ++i) {
+      params->push_back(stddevs(i) == 0 ? -1 : num_params_++);
+      if (stddevs(i) == 0 || !std::isfinite(stddevs(i))) continue;
+      const std::vector<size_t>& centers = camera.PrincipalPointIdxs();
+      const bool is_center =
+          std::find(centers.begin(), centers.end(), size_t(i)) != centers.end();
+      priors_.push_back({params->back(),
+                         stddevs(i) * (is_center ? loosening : 1),
+                         deviations[size_t(i)]});
+    }
+  }
+
+  void AddTies(const CameraGroup& group) {
+    if (group.IsRigid()) return;
+    const std::vector<double> mean = MeanParams(group, model_);
+    for (size_t i = 0; i < mean.size(); ++i) {
+      if (group.stddevs(Eigen::Index(i)) == 0) continue;
+      int mean_param = -1;
+      for (const colmap::camera_t camera_id : group.camera_ids) {
+        const auto params = intrinsic_params_.find(camera_id);
+        if (params == intrinsic_params_.end() || params->second[i] < 0) {
+          continue;
+        }
+        if (mean_param < 0) mean_param = num_params_++;
+        ties_.push_back({params->second[i],
+                         mean_param,
+                         group.stddevs(Eigen::Index(i)),
+                         model_.Camera(camera_id).Params(i) - mean[i]});
+      }
+    }
   }
 
   LinearizedObservation Linearize(const colmap::TrackElement& element) {
@@ -124,6 +184,7 @@ class PosteriorProblem {
 
     LinearizedObservation observation;
     const double root = std::sqrt(weight);
+    observation.residual = root * residual;
     observation.point_jacobian =
         root * by.point * cam_from_world.rotation.toRotationMatrix();
     const auto num_intrinsics = Eigen::Index(camera.NumParams());
@@ -192,25 +253,26 @@ class PosteriorProblem {
     const auto size = Eigen::Index(values.size());
     posterior.params = Eigen::Map<const Eigen::VectorXd>(values.data(), size);
     posterior.covariance = Eigen::MatrixXd::Zero(size, size);
-    const Eigen::MatrixXd covariance =
-        MarginalCovariance(system.Information(), free_params);
-    if (covariance.size() == 0 && !free_params.empty()) return std::nullopt;
+    const auto marginal = system.MarginalOf(free_params);
+    if (!marginal) return std::nullopt;
     for (size_t i = 0; i < rows.size(); ++i) {
+      posterior.params(rows[i]) += marginal->step(Eigen::Index(i));
       for (size_t j = 0; j < rows.size(); ++j) {
         posterior.covariance(rows[i], rows[j]) =
-            variance * covariance(Eigen::Index(i), Eigen::Index(j));
+            variance * marginal->covariance(Eigen::Index(i), Eigen::Index(j));
       }
     }
     return posterior;
   }
 
   const BundleAdjustmentOptions& options_;
+  const CameraBeliefs& beliefs_;
   const colmap::Reconstruction& model_;
-  std::map<colmap::camera_t, colmap::camera_t> first_of_group_;
   std::map<colmap::image_t, int> first_pose_param_;
   // Of each block; -1 where held.
   std::map<colmap::camera_t, std::vector<int>> intrinsic_params_;
-  std::vector<std::pair<int, double>> priors_;
+  std::vector<Prior> priors_;
+  std::vector<Tie> ties_;
   int num_params_ = 0;
   size_t num_observations_ = 0;
   double sum_weights_ = 0;
@@ -236,13 +298,12 @@ Eigen::VectorXd IntrinsicsPosterior::StddevsOf(
 
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
-    const CameraMap& prior_cameras,
-    const std::vector<CameraGroup>& groups,
+    const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
   if (model.NumPoints3D() == 0 || model.NumRegImages() > kMaxNumDenseImages) {
     return std::nullopt;
   }
-  return PosteriorProblem(options, prior_cameras, groups, model).Solve();
+  return PosteriorProblem(options, beliefs, model).Solve();
 }
 
 }  // namespace dgsfm

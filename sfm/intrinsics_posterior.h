@@ -14,7 +14,8 @@ namespace dgsfm {
 struct IntrinsicsPosterior {
   // Ascending; of a rigid group only the first.
   std::vector<colmap::camera_t> camera_ids;
-  // Their parameters one after the other [px, 1].
+  // Their parameters one after the other [px, 1]: those of the model after a
+  // Gauss-Newton step.
   Eigen::VectorXd params;
   // Of the data and the priors. Zero for parameters that are held.
   Eigen::MatrixXd covariance;
@@ -27,16 +28,16 @@ struct IntrinsicsPosterior {
                             const colmap::Reconstruction& model) const;
 };
 
-// Covariance of all intrinsics at the minimum of AdjustBundle with the same
-// arguments, poses and points unknown too: the inverse of the Schur complement
-// of the soft-L1 costs and priors, times the variance of the estimates that the
-// residuals show (Huber, Robust Statistics, Eq. 7.81). Nothing if there are
-// more images than a dense matrix allows, or no more observations than
-// unknowns. Groups that are not rigid are not taken into account.
+// Intrinsics one Gauss-Newton step from the model towards the minimum of
+// AdjustBundle with the same arguments, and their covariance, poses and points
+// unknown too: the inverse of the Schur complement of the soft-L1 costs and
+// priors, times the variance of the estimates that the residuals show (Huber,
+// Robust Statistics, Eq. 7.81), which priors are weighed against. Nothing if
+// there are more images than a dense matrix allows, or no more observations
+// than unknowns.
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
-    const CameraMap& prior_cameras,
-    const std::vector<CameraGroup>& groups,
+    const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model);
 
 }  // namespace dgsfm

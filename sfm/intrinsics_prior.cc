@@ -79,7 +79,9 @@ bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
 }
 
 Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
-                             const colmap::Camera& camera) {
+                             const CameraBeliefs& beliefs,
+                             colmap::camera_t camera_id) {
+  const colmap::Camera& camera = beliefs.given.at(camera_id);
   Eigen::VectorXd stddevs = Eigen::VectorXd::Zero(camera.NumParams());
   const auto set = [&](const std::vector<size_t>& idxs, double stddev) {
     for (const size_t idx : idxs) stddevs(Eigen::Index(idx)) = stddev;
@@ -93,7 +95,8 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
   if (options.refine_extra_params) {
     set(camera.ExtraParamsIdxs(), options.extra_params_stddev);
   }
-  if (options.refine_principal_point && !camera.HasPriorFocalLength()) {
+  if (options.refine_principal_point && !camera.HasPriorFocalLength() &&
+      beliefs.held_principal_points.count(camera_id) == 0) {
     set(camera.PrincipalPointIdxs(),
         options.principal_point_stddev_ratio *
             double(std::max(camera.Width(), camera.Height())));
@@ -103,6 +106,22 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
 
 bool CameraGroup::Contains(colmap::camera_t camera_id) const {
   return std::binary_search(camera_ids.begin(), camera_ids.end(), camera_id);
+}
+
+const CameraGroup* CameraBeliefs::RigidGroupOf(
+    colmap::camera_t camera_id) const {
+  for (const CameraGroup& group : groups) {
+    if (group.IsRigid() && group.Contains(camera_id)) return &group;
+  }
+  return nullptr;
+}
+
+size_t CameraBeliefs::NumTiedCameras() const {
+  size_t num_cameras = 0;
+  for (const CameraGroup& group : groups) {
+    num_cameras += group.camera_ids.size();
+  }
+  return num_cameras;
 }
 
 std::vector<double> MeanParams(const CameraGroup& group,

@@ -9,6 +9,7 @@
 
 #include <colmap/base/reconstruction.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -41,11 +42,6 @@ struct IntrinsicsPriorOptions {
   bool IsValid(std::string* error) const;
 };
 
-// Standard deviation of each parameter of a camera about the database's value
-// [px, 1]: 0 where it is held, infinite where nothing is known.
-Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
-                             const colmap::Camera& camera);
-
 // Cameras of one model and image size that deviate little from their mean.
 struct CameraGroup {
   // Ascending.
@@ -53,10 +49,32 @@ struct CameraGroup {
   // Standard deviation of each parameter about the group's mean [px, 1]; empty
   // in a rigid group, whose cameras have the same parameters.
   Eigen::VectorXd stddevs;
+  // Variance of estimates over what independent image errors explain [1].
+  double variance_factor = 1;
 
   bool IsRigid() const { return stddevs.size() == 0; }
   bool Contains(colmap::camera_t camera_id) const;
 };
+
+// What is believed about the intrinsics of all cameras.
+struct CameraBeliefs {
+  // As the database has them: the means of the priors.
+  CameraMap given;
+  // Cameras whose principal points are held at the given ones.
+  std::set<colmap::camera_t> held_principal_points;
+  // Disjoint.
+  std::vector<CameraGroup> groups;
+
+  // The rigid group that a camera is in, or null.
+  const CameraGroup* RigidGroupOf(colmap::camera_t camera_id) const;
+  size_t NumTiedCameras() const;
+};
+
+// Standard deviation of each parameter of a camera about the given value [px,
+// 1]: 0 where it is held, infinite where nothing is known.
+Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
+                             const CameraBeliefs& beliefs,
+                             colmap::camera_t camera_id);
 
 std::vector<double> MeanParams(const CameraGroup& group,
                                const colmap::Reconstruction& model);

@@ -38,7 +38,7 @@ PairGeometries OnePair(double focal_length_px) {
   return {{PairIdOfImages(1, 2), pair}};
 }
 
-TEST(CalibrateCameras, PairsGoBeforeTheDepthModelAndThatBeforeTheGuess) {
+TEST(AverageFocalsOfCameras, PairsGoBeforeTheDepthModelAndThatBeforeTheGuess) {
   struct Case {
     PairGeometries pairs;
     KeypointDepthMap depths;
@@ -52,7 +52,8 @@ TEST(CalibrateCameras, PairsGoBeforeTheDepthModelAndThatBeforeTheGuess) {
       {{}, {}, FocalSource::DEFAULT, 500}};
   for (const Case& c : cases) {
     Scene scene = TwoCameras();
-    const auto focals = CalibrateCameras(c.pairs, c.depths, {}, &scene);
+    const auto focals =
+        AverageFocalsOfCameras(c.pairs, c.depths, {}, false, &scene);
     EXPECT_EQ(focals.at(1).source, c.source);
     // Rounding of logarithms.
     EXPECT_NEAR(focals.at(1).focal_length_px, c.focal_length_px, 1e-9);
@@ -61,6 +62,47 @@ TEST(CalibrateCameras, PairsGoBeforeTheDepthModelAndThatBeforeTheGuess) {
     EXPECT_EQ(focals.at(2).source, FocalSource::PRIOR);
     EXPECT_EQ(scene.cameras.at(2).MeanFocalLength(), 500);
   }
+}
+
+// Six cameras in a row of pairs, the last of which has no estimate.
+TEST(AverageFocalsOfCameras, RelatedCamerasShareTheirEstimates) {
+  Scene scene;
+  PairGeometries pairs;
+  for (colmap::camera_t id = 1; id <= 6; ++id) {
+    colmap::Camera camera;
+    camera.SetCameraId(id);
+    camera.InitializeWithName("SIMPLE_PINHOLE", 500, 640, 480);
+    scene.cameras.emplace(id, camera);
+    colmap::Image image;
+    image.SetImageId(id);
+    image.SetCameraId(id);
+    scene.images.emplace(id, image);
+  }
+  const std::vector<double> focal_lengths_px = {700, 720, 690, 710, 700};
+  for (colmap::image_t id = 1; id <= 5; ++id) {
+    for (const colmap::image_t other : {id % 5 + 1, (id + 1) % 5 + 1}) {
+      // Estimates of one camera are 3 % too small or too large.
+      const double factor = other == id % 5 + 1 ? 0.97 : 1.03;
+      PairGeometry& pair = pairs[PairIdOfImages(id, other)];
+      pair.status = PairStatus::VALID;
+      pair.cam2_from_cam1.translation = Eigen::Vector3d::UnitX();
+      pair.focal_length1_px =
+          factor * focal_lengths_px[std::min(id, other) - 1];
+      pair.focal_length2_px =
+          factor * focal_lengths_px[std::max(id, other) - 1];
+      pair.estimated_focal1 = pair.estimated_focal2 = true;
+    }
+  }
+  const auto focals = AverageFocalsOfCameras(pairs, {}, {}, true, &scene);
+  for (const colmap::camera_t id : {1, 2, 3, 4, 5}) {
+    EXPECT_EQ(focals.at(id).source, FocalSource::PAIRS);
+    // All but the smallest spread that populations have.
+    EXPECT_NEAR(
+        focals.at(id).focal_length_px / focals.at(1).focal_length_px, 1, 0.01);
+  }
+  EXPECT_NE(focals.at(6).source, FocalSource::DEFAULT);
+  EXPECT_NEAR(
+      scene.cameras.at(6).MeanFocalLength(), focals.at(1).focal_length_px, 10);
 }
 
 }  // namespace

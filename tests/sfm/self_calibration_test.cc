@@ -1,4 +1,4 @@
-#include "sfm/camera_groups.h"
+#include "sfm/self_calibration.h"
 
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 
@@ -30,27 +30,31 @@ class AdjustedScene {
  public:
   explicit AdjustedScene(int num_distinct_cameras, double crop_ratio = 0)
       : synthetic_(CreateScene(num_distinct_cameras, crop_ratio)),
-        prior_cameras_(SceneFromSynthetic(synthetic_).cameras),
         model_(ReconstructionFromSynthetic(synthetic_)) {
-    for (const auto& [camera_id, camera] : prior_cameras_) {
+    beliefs_.given = SceneFromSynthetic(synthetic_).cameras;
+    for (const auto& [camera_id, camera] : beliefs_.given) {
       model_.Camera(camera_id).SetPriorFocalLength(false);
     }
     options_.intrinsics.refine_principal_point = true;
   }
 
   bool Adjust(const std::vector<CameraGroup>& groups = {}) {
-    return AdjustBundle(options_, 1, 1, prior_cameras_, groups, &model_)
-        .has_value();
+    beliefs_.groups = groups;
+    return AdjustBundle(options_, 1, 1, beliefs_, &model_).has_value();
   }
 
-  std::optional<IntrinsicsPosterior> Posterior(
-      const std::vector<CameraGroup>& groups = {}) const {
-    return EstimateIntrinsicsPosterior(
-        options_, prior_cameras_, groups, model_);
+  CameraBeliefs Calibrate() {
+    return CalibrateModel(
+        {CameraGroupingOptions(), options_, 1}, 1, beliefs_, &model_);
   }
 
-  const CameraMap& PriorCameras() const { return prior_cameras_; }
+  std::optional<IntrinsicsPosterior> Posterior() const {
+    return EstimateIntrinsicsPosterior(options_, beliefs_, model_);
+  }
 
+  const CameraBeliefs& Beliefs() const { return beliefs_; }
+
+  colmap::Reconstruction& MutableModel() { return model_; }
   const colmap::Reconstruction& Model() const { return model_; }
 
   const colmap::Camera& TrueCamera(colmap::camera_t camera_id) const {
@@ -71,7 +75,7 @@ class AdjustedScene {
 
  private:
   SyntheticScene synthetic_;
-  CameraMap prior_cameras_;
+  CameraBeliefs beliefs_;
   colmap::Reconstruction model_;
   BundleAdjustmentOptions options_;
 };
@@ -111,7 +115,7 @@ TEST(FindCameraGroups, CopiesOfOneCameraAreTiedAndGainAccuracy) {
     EXPECT_EQ(camera.Params(), scene.Model().Camera(1).Params());
   }
   EXPECT_LT(scene.MaxFocalError(), untied_error);
-  const auto posterior = scene.Posterior(groups);
+  const auto posterior = scene.Posterior();
   ASSERT_TRUE(posterior);
   EXPECT_EQ(posterior->camera_ids, std::vector<colmap::camera_t>({1}));
 }
@@ -159,13 +163,13 @@ TEST(AdjustBundle, SoftGroupsPullTogether) {
 TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   SyntheticScene synthetic = CreateScene(1);
   synthetic.options.known_focal_length = true;
-  const CameraMap prior_cameras = SceneFromSynthetic(synthetic).cameras;
+  const CameraBeliefs beliefs = {SceneFromSynthetic(synthetic).cameras, {}, {}};
   colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
-  ASSERT_TRUE(AdjustBundle(options, 1, 1, prior_cameras, {}, &model));
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, &model));
   for (const auto& [camera_id, camera] : model.Cameras()) {
-    const colmap::Camera& prior = prior_cameras.at(camera_id);
+    const colmap::Camera& prior = beliefs.given.at(camera_id);
     EXPECT_NEAR(camera.MeanFocalLength() / prior.MeanFocalLength(),
                 1,
                 options.intrinsics.focal_length_stddev_ratio);
@@ -193,15 +197,59 @@ TEST(ShareIntrinsics, MergesCamerasOfRigidGroupsOnly) {
             scene.Model().ComputeNumObservations());
 }
 
-TEST(PrincipalPointsAreAsGiven, UnlessTheImagesAreCrops) {
+TEST(CalibrateModel, HoldsPrincipalPointsUnlessTheImagesAreCrops) {
   for (const bool are_crops : {false, true}) {
     AdjustedScene scene(0, are_crops ? 1 : 0);
     ASSERT_TRUE(scene.Adjust());
-    EXPECT_EQ(
-        PrincipalPointsAreAsGiven(
-            CameraGroupingOptions(), scene.PriorCameras(), *scene.Posterior()),
-        !are_crops);
+    const CameraBeliefs beliefs = scene.Calibrate();
+    EXPECT_TRUE(beliefs.groups.empty());
+    EXPECT_EQ(beliefs.held_principal_points.size(), are_crops ? 0 : 12);
   }
+}
+
+TEST(CalibrateModel, HoldsThePrincipalPointOfAGroupOnlyWhereItIsTheGiven) {
+  for (const double crop_ratio : {0.0, 1.0}) {
+    AdjustedScene scene(1, crop_ratio);
+    ASSERT_TRUE(scene.Adjust());
+    const CameraBeliefs beliefs = scene.Calibrate();
+    ASSERT_EQ(beliefs.groups.size(), 1);
+    EXPECT_EQ(beliefs.groups[0].camera_ids.size(), 12);
+    EXPECT_EQ(beliefs.held_principal_points.size(), crop_ratio == 0 ? 12 : 0);
+  }
+}
+
+// Free intrinsics have several minima: the ties decide which of them count.
+TEST(CalibrateModel, TiesCamerasThatSelfCalibrationLeftFarApart) {
+  AdjustedScene scene(1);
+  ASSERT_TRUE(scene.Adjust());
+  colmap::Reconstruction& model = scene.MutableModel();
+  // As far as free principal points come on real photos: 3 % of the image. The
+  // linear errors are below 1 %.
+  for (const colmap::camera_t camera_id : {3, 8}) {
+    model.Camera(camera_id).SetPrincipalPointY(
+        model.Camera(camera_id).PrincipalPointY() + 24);
+    model.Camera(camera_id).SetFocalLength(
+        1.03 * model.Camera(camera_id).FocalLength());
+  }
+  const CameraBeliefs beliefs = scene.Calibrate();
+  ASSERT_EQ(beliefs.groups.size(), 1);
+  EXPECT_EQ(beliefs.groups[0].camera_ids.size(), 12);
+  EXPECT_TRUE(beliefs.groups[0].IsRigid());
+}
+
+TEST(CalibrateModel, DoesNotTieZoomsRigidly) {
+  // Each image has its own zoom, up to 30 %, which an adjustment with one focal
+  // length would hide in poses and points.
+  AdjustedScene scene(0);
+  ASSERT_TRUE(scene.Adjust());
+  const double free_error = scene.MaxFocalError();
+  const CameraBeliefs beliefs = scene.Calibrate();
+  for (const CameraGroup& group : beliefs.groups) {
+    EXPECT_LT(group.camera_ids.size(), 12);
+  }
+  ASSERT_TRUE(scene.Adjust(beliefs.groups));
+  // What a tie of a few similar zooms may cost.
+  EXPECT_LT(scene.MaxFocalError(), 1.5 * free_error + 0.002);
 }
 
 TEST(AdjustBundle, CropsFindTheirPrincipalPoints) {
