@@ -18,6 +18,13 @@ namespace {
 // the data: any stiffer slows the solver down and gains nothing.
 constexpr double kStiffness = 0.1;
 
+// Camera model and image size.
+using ClassKey = std::tuple<int, size_t, size_t>;
+
+ClassKey KeyOf(const colmap::Camera& camera) {
+  return {camera.ModelId(), camera.Width(), camera.Height()};
+}
+
 // A camera's place in the posterior.
 struct PosteriorBlock {
   colmap::camera_t camera_id = 0;
@@ -110,15 +117,13 @@ struct CameraClass {
 std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
                                    const IntrinsicsPosterior& posterior,
                                    const colmap::Reconstruction& model) {
-  using Key = std::tuple<int, size_t, size_t>;
-  std::map<Key, std::vector<PosteriorBlock>> blocks_of;
+  std::map<ClassKey, std::vector<PosteriorBlock>> blocks_of;
   int first_param = 0;
   for (const colmap::camera_t camera_id : posterior.camera_ids) {
     const colmap::Camera& camera = model.Camera(camera_id);
     if (!camera.HasPriorFocalLength() &&
         posterior.covariance(first_param, first_param) > 0) {
-      blocks_of[{camera.ModelId(), camera.Width(), camera.Height()}].push_back(
-          {camera_id, first_param});
+      blocks_of[KeyOf(camera)].push_back({camera_id, first_param});
     }
     first_param += int(camera.NumParams());
   }
@@ -192,15 +197,23 @@ std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
 
 std::vector<CameraGroup> FindCameraClasses(
     const CameraGroupingOptions& options,
-    const IntrinsicsPosterior& posterior,
+    const IntrinsicsPriorOptions& prior,
+    const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
-  std::vector<CameraGroup> groups;
-  for (const CameraClass& camera_class : ClassesOf(options, posterior, model)) {
-    if (camera_class.blocks.size() < size_t(options.min_num_cameras)) continue;
-    CameraGroup& group = groups.emplace_back();
-    for (const PosteriorBlock& block : camera_class.blocks) {
-      group.camera_ids.push_back(block.camera_id);
+  std::map<ClassKey, std::set<colmap::camera_t>> classes;
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
+    const colmap::camera_t camera_id = model.Image(image_id).CameraId();
+    const colmap::Camera& camera = model.Camera(camera_id);
+    if (!camera.HasPriorFocalLength() &&
+        PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
+      classes[KeyOf(camera)].insert(camera_id);
     }
+  }
+  std::vector<CameraGroup> groups;
+  for (const auto& [key, camera_ids] : classes) {
+    if (camera_ids.size() < size_t(options.min_num_cameras)) continue;
+    groups.emplace_back().camera_ids.assign(camera_ids.begin(),
+                                            camera_ids.end());
   }
   return groups;
 }

@@ -20,9 +20,11 @@ std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
                                           const IntrinsicsPosterior& posterior,
                                           const colmap::Reconstruction& model);
 
-// The same without a look at the intrinsics.
+// Cameras of registered images that may be the same for all that is known
+// without a look at their intrinsics.
 std::vector<CameraGroup> FindCameraClasses(const CameraGroupingOptions& options,
-                                           const IntrinsicsPosterior& posterior,
+                                           const IntrinsicsPriorOptions& prior,
+                                           const CameraBeliefs& beliefs,
                                            const colmap::Reconstruction& model);
 
 // The same by focal lengths alone: all that may be the same.

@@ -35,25 +35,24 @@ class TiedModels {
   TiedModels(const SelfCalibrationOptions& options,
              colmap::image_t fixed_image,
              const CameraBeliefs& beliefs,
-             const IntrinsicsPosterior& posterior,
              const colmap::Reconstruction& model)
       : options_(options),
         fixed_image_(fixed_image),
         beliefs_(beliefs),
-        posterior_(posterior),
         model_(model) {
     colmap::Reconstruction evaluated = model;
     free_cost_ = Adjust(1, {}, &evaluated);
   }
 
   struct Tied {
+    std::vector<CameraGroup> groups;
     colmap::Reconstruction model;
     // Whether independent image errors explain what the ties cost.
     bool is_certain = false;
   };
   // The model with ties; nothing if no errors explain what they cost.
   std::optional<Tied> Tie(const std::vector<CameraGroup>& groups) const {
-    Tied tied = {model_, false};
+    Tied tied = {groups, model_, false};
     int num_ties = 0;
     for (const CameraGroup& group : groups) {
       num_ties += int(group.camera_ids.size() - 1) *
@@ -84,8 +83,9 @@ class TiedModels {
     const std::optional<double> cost =
         Adjust(max_num_iterations, groups, model);
     if (!cost || !free_cost_) return std::nullopt;
-    return (*cost - *free_cost_) /
-           (posterior_.keypoint_stddev_px * posterior_.keypoint_stddev_px);
+    const double variance =
+        *free_cost_ / (2 * double(model_.ComputeNumObservations()));
+    return variance > 0 ? (*cost - *free_cost_) / variance : 0;
   }
 
   // Returns the sum of robust squared errors [px^2].
@@ -106,56 +106,54 @@ class TiedModels {
   const SelfCalibrationOptions& options_;
   const colmap::image_t fixed_image_;
   const CameraBeliefs& beliefs_;
-  const IntrinsicsPosterior& posterior_;
   const colmap::Reconstruction& model_;
   std::optional<double> free_cost_;
 };
 
-struct TiedGroups {
-  std::vector<CameraGroup> groups;
-  colmap::Reconstruction model;
-};
-
 // Renews groups by what the model tied by them shows until they stay the same;
 // nothing if their ties contradict the model.
-std::optional<TiedGroups> RenewGroups(const SelfCalibrationOptions& options,
-                                      const TiedModels& tied_models,
-                                      const CameraBeliefs& free_beliefs,
-                                      std::vector<CameraGroup> groups) {
+std::optional<TiedModels::Tied> RenewGroups(
+    const SelfCalibrationOptions& options,
+    const TiedModels& tied_models,
+    const CameraBeliefs& free_beliefs,
+    std::vector<CameraGroup> groups) {
   std::optional<TiedModels::Tied> tied;
   for (int round = 0; round < kMaxNumGroupingRounds; ++round) {
-    if (groups.empty()) return std::nullopt;
     tied = tied_models.Tie(groups);
-    if (!tied) return std::nullopt;
-    if (tied->is_certain) break;
+    if (!tied || tied->is_certain) return tied;
     const std::optional<IntrinsicsPosterior> posterior =
         EstimateIntrinsicsPosterior(
             options.bundle_adjustment, free_beliefs, tied->model);
-    if (!posterior) return std::nullopt;
-    std::vector<CameraGroup> renewed_groups =
-        FindCameraGroups(options.grouping, *posterior, tied->model);
-    if (AreSame(groups, renewed_groups)) break;
-    groups = std::move(renewed_groups);
+    if (!posterior) return tied;
+    groups = FindCameraGroups(options.grouping, *posterior, tied->model);
+    if (groups.empty()) return std::nullopt;
+    if (AreSame(groups, tied->groups)) break;
   }
-  return TiedGroups{std::move(groups), std::move(tied->model)};
+  return tied;
 }
 
-// Groups of a model, see CalibrateModel.
-std::vector<CameraGroup> FindGroups(const SelfCalibrationOptions& options,
-                                    const IntrinsicsPosterior& posterior,
-                                    colmap::image_t fixed_image,
-                                    const CameraBeliefs& beliefs,
-                                    colmap::Reconstruction* model) {
-  const TiedModels tied_models(
-      options, fixed_image, beliefs, posterior, *model);
+// Groups of a model, see CalibrateModel, without a posterior none but whole
+// classes.
+std::vector<CameraGroup> FindGroups(
+    const SelfCalibrationOptions& options,
+    const std::optional<IntrinsicsPosterior>& posterior,
+    colmap::image_t fixed_image,
+    const CameraBeliefs& beliefs,
+    colmap::Reconstruction* model) {
+  std::vector<std::vector<CameraGroup>> candidates = {FindCameraClasses(
+      options.grouping, options.bundle_adjustment.intrinsics, beliefs, *model)};
+  if (posterior) {
+    candidates.push_back(
+        FindCandidateGroups(options.grouping, *posterior, *model));
+    candidates.push_back(
+        FindCameraGroups(options.grouping, *posterior, *model));
+  }
+  const TiedModels tied_models(options, fixed_image, beliefs, *model);
   std::vector<CameraGroup> last_groups;
-  for (const auto& groups :
-       {FindCameraClasses(options.grouping, posterior, *model),
-        FindCandidateGroups(options.grouping, posterior, *model),
-        FindCameraGroups(options.grouping, posterior, *model)}) {
+  for (const std::vector<CameraGroup>& groups : candidates) {
     if (groups.empty() || AreSame(groups, last_groups)) continue;
     last_groups = groups;
-    std::optional<TiedGroups> tied =
+    std::optional<TiedModels::Tied> tied =
         RenewGroups(options, tied_models, beliefs, groups);
     if (!tied) continue;
     *model = std::move(tied->model);
@@ -182,13 +180,12 @@ CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
                              colmap::Reconstruction* model) {
   std::optional<IntrinsicsPosterior> posterior =
       EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, *model);
-  if (!posterior) return beliefs;
-  beliefs.groups = FindGroups(options, *posterior, fixed_image, beliefs, model);
+  beliefs.groups = FindGroups(options, posterior, fixed_image, beliefs, model);
   if (!beliefs.groups.empty()) {
     posterior =
         EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, *model);
-    if (!posterior) return beliefs;
   }
+  if (!posterior) return beliefs;
   beliefs.held_principal_points =
       FindGivenPrincipalPoints(options.grouping,
                                options.bundle_adjustment.intrinsics,
