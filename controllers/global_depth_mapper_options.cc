@@ -86,7 +86,17 @@ void BindBundleAdjustment(ModelRefinementOptions* options,
            "prior of the principal point [larger image side]")
       .Add("ba_extra_params_stddev",
            &adjustment.intrinsics.extra_params_stddev,
-           "prior of distortion parameters [1]");
+           "prior of distortion parameters [1]")
+      .Add("ba_use_depth",
+           &adjustment.use_depth,
+           "depth maps of images that see too few points with parallax take "
+           "part in bundle adjustment")
+      .Add("ba_max_num_depths",
+           &adjustment.max_num_depths,
+           "depths of an image that count; more share their weight")
+      .Add("ba_max_depth_stddev",
+           &adjustment.max_depth_stddev,
+           "noisier depth maps have no say in bundle adjustment [log]");
 }
 
 void BindRefinement(ModelRefinementOptions* options,
@@ -108,7 +118,11 @@ void BindRefinement(ModelRefinementOptions* options,
            "observations farther off after the last round are removed [px]")
       .Add("min_triangulation_angle",
            &options->min_triangulation_angle_deg,
-           "points with a smaller triangulation angle are removed [deg]")
+           "points with a smaller triangulation angle are removed [deg] ...")
+      .Add("min_num_triangulated_per_image",
+           &options->min_num_triangulated_per_image,
+           "... unless an image that sees them has fewer others; such images "
+           "use their depth maps in bundle adjustment")
       .Add("tri_max_epipolar_error",
            &options->max_epipolar_error_px,
            "distance from the epipolar line of matches to triangulate [px]")
@@ -147,6 +161,25 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("camera_grouping", &options->skip_camera_grouping);
 }
 
+// The paper gives iterations; its authors' code ends them at this.
+constexpr double kPaperTolerance = 1e-6;
+
+void ApplyPaperPreset(PairVerificationOptions* options) {
+  TwoViewDepthOptions& two_view = options->two_view;
+  two_view.paper = true;
+  two_view.max_epipolar_error_px = 1.0;
+  two_view.max_reprojection_error_px = 16.0;
+  two_view.min_num_trials = 1000;
+  two_view.max_num_trials = 1000;
+  options->filter_depth = true;
+  options->depth_consistency.max_reprojection_error_px = 12.0;
+  options->depth_consistency.max_depth_error_ratio = 0.3;
+  options->depth_consistency.tolerate_depth_error = false;
+  options->depth_noise_factor = 0;
+  options->min_num_inliers = 15;
+  options->min_inlier_ratio = 0.25;
+}
+
 }  // namespace
 
 void BindOptions(GlobalDepthMapperOptions* options,
@@ -176,26 +209,37 @@ void BindOptions(GlobalDepthMapperOptions* options,
 }
 
 void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
-  TwoViewDepthOptions& two_view = options->verifier.verification.two_view;
-  two_view.paper = true;
-  two_view.max_epipolar_error_px = 1.0;
-  two_view.max_reprojection_error_px = 16.0;
-  two_view.min_num_trials = 1000;
-  two_view.max_num_trials = 1000;
-  options->verifier.verification.depth_consistency.tolerate_depth_error = false;
-  options->verifier.verification.depth_noise_factor = 0;
+  ApplyPaperPreset(&options->verifier.verification);
   DepthGlobalMapperOptions& mapper = options->mapper;
+  mapper.view_graph.min_pair_score = 0.8;
   mapper.view_graph.min_triplet_support = 0.6;
   mapper.view_graph.keep_connected = false;
-  mapper.skip_translation_averaging = true;
-  mapper.skip_depth_reliability = true;
-  mapper.position_initialization.average_centers = false;
+  mapper.averaging.scale_averaging.max_num_irls_iterations = 30;
+  mapper.tracks.min_num_views_per_track = 3;
   mapper.tracks.min_num_tracks_per_view = 0;
-  mapper.refinement.bundle_adjustment.loss_scale_px = 1.0;
-  mapper.refinement.refine_principal_point = false;
+  mapper.position_initialization.use_depth = true;
+  mapper.position_initialization.average_centers = false;
+  mapper.position_initialization.use_median = true;
+  mapper.skip_depth_reliability = true;
   mapper.skip_reverification = true;
+  mapper.skip_translation_averaging = true;
   mapper.skip_retriangulation = true;
   mapper.skip_camera_grouping = true;
+
+  ModelRefinementOptions& refinement = mapper.refinement;
+  refinement.global_positioning.max_num_iterations = 100;
+  refinement.global_positioning.function_tolerance = kPaperTolerance;
+  refinement.num_bundle_adjustment_rounds = 3;
+  refinement.min_num_triangulated_per_image = 0;
+  refinement.refine_principal_point = false;
+  BundleAdjustmentOptions& adjustment = refinement.bundle_adjustment;
+  adjustment.max_num_iterations = 100;
+  adjustment.function_tolerance = kPaperTolerance;
+  adjustment.loss_scale_px = 1.0;
+  adjustment.use_depth = false;
+  adjustment.intrinsics.refine_focal_length = true;
+  adjustment.intrinsics.refine_extra_params = false;
+  adjustment.intrinsics.refine_principal_point = false;
 }
 
 bool RequestsPaperPreset(int argc, char** argv) {

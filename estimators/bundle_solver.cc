@@ -17,6 +17,8 @@ namespace dgsfm {
 namespace {
 
 constexpr int kPose = 6;
+// Of log depths [standard deviations].
+constexpr double kDepthLossScale = 2;
 
 Eigen::Quaterniond RotationFromVector(const Eigen::Vector3d& vector) {
   const double angle = vector.norm();
@@ -31,10 +33,13 @@ struct ParameterBlock {
   bool in_terms = false;
 };
 
-template <int kNumIntrinsics>
-class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
+// With kUseDepth a third residual, that of the prior depth, and a further
+// parameter of each image, its log scale, the first after the pose.
+template <int kNumIntrinsics, bool kUseDepth>
+class BundleProblem
+    : public PointProblem<2 + kUseDepth, kPose + kUseDepth + kNumIntrinsics> {
  public:
-  using Base = PointProblem<2, kPose + kNumIntrinsics>;
+  using Base = PointProblem<2 + kUseDepth, kPose + kUseDepth + kNumIntrinsics>;
   using Row = typename Base::Row;
 
   BundleProblem(double loss_scale_px,
@@ -54,8 +59,10 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
       return std::numeric_limits<double>::infinity();
     }
     const double squared_error = (xy_px - Observation(k).xy_px).squaredNorm();
-    return squared_loss_scale_ *
-           (std::sqrt(1 + squared_error / squared_loss_scale_) - 1);
+    const double cost =
+        squared_loss_scale_ *
+        (std::sqrt(1 + squared_error / squared_loss_scale_) - 1);
+    return kUseDepth ? cost + DepthCost(k) : cost;
   }
 
   void Linearize(int k, Row* row) const override {
@@ -66,12 +73,12 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
     Eigen::Vector2d xy_px;
     ProjectionJacobian jacobian;
     Project(k, &xy_px, &jacobian);
-    row->residual = xy_px - observation.xy_px;
+    Eigen::Vector2d residual = xy_px - observation.xy_px;
     // Ceres's correction for losses of negative curvature.
     const double weight =
-        1 / std::sqrt(std::sqrt(1 + row->residual.squaredNorm() /
-                                        squared_loss_scale_));
-    row->residual *= weight;
+        1 /
+        std::sqrt(std::sqrt(1 + residual.squaredNorm() / squared_loss_scale_));
+    row->residual.template head<2>() = weight * residual;
     jacobian.point *= weight;
     const Eigen::Matrix3d& rotation = rotations_[image_index];
     const Eigen::Vector3d rotated =
@@ -82,11 +89,12 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
       row->by_camera.template block<3, 1>(3, i) = by_point;
       row->by_point.col(i).noalias() = rotation.transpose() * by_point;
     }
-    row->by_camera.template bottomRows<kNumIntrinsics>().setZero();
+    row->by_camera.template bottomRows<kUseDepth + kNumIntrinsics>().setZero();
     for (size_t i = 0; i < camera.refined_params.size(); ++i) {
-      row->by_camera.row(kPose + i) =
+      row->by_camera.row(kFirstIntrinsic + i).template head<2>() =
           weight * jacobian.params.col(camera.refined_params[i]).transpose();
     }
+    if constexpr (kUseDepth) LinearizeDepth(k, rotated, row);
   }
 
   double TermsCost() const override {
@@ -128,16 +136,17 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
             const std::vector<Eigen::Vector3d>& point_steps) override {
     Save();
     for (size_t i = 0; i < bundle_->images.size(); ++i) {
-      Eigen::Matrix<double, kPose, 1> step;
-      for (int j = 0; j < kPose; ++j) {
+      Eigen::Matrix<double, kFirstIntrinsic, 1> step;
+      for (int j = 0; j < kFirstIntrinsic; ++j) {
         const int column = this->camera_columns[i][j];
         step(j) = column < 0 ? 0 : column_steps(column);
       }
+      if (kUseDepth) bundle_->images[i].log_depth_scale += step(kPose);
       Rigid3d& pose = bundle_->images[i].cam_from_world;
       pose.rotation =
           (RotationFromVector(step.template head<3>()) * pose.rotation)
               .normalized();
-      pose.translation += step.template tail<3>();
+      pose.translation += step.template segment<3>(3);
     }
     for (ParameterBlock& block : parameters_) {
       for (size_t i = 0; i < block.columns.size(); ++i) {
@@ -154,7 +163,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
 
   void Undo() override {
     for (size_t i = 0; i < bundle_->images.size(); ++i) {
-      bundle_->images[i].cam_from_world = saved_poses_[i];
+      bundle_->images[i] = saved_images_[i];
     }
     size_t next = 0;
     for (ParameterBlock& block : parameters_) {
@@ -167,8 +176,57 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
   }
 
  private:
+  static constexpr int kFirstIntrinsic = kPose + kUseDepth;
+
   const BundleObservation& Observation(int k) const {
     return bundle_->observations[k];
+  }
+
+  bool HasDepth(int k) const {
+    return Observation(k).prior_depth > 0 &&
+           bundle_->images[Observation(k).image].depth_weight_px > 0;
+  }
+
+  // In standard deviations. Points behind the camera count by their distance:
+  // their reprojection errors tell.
+  double DepthError(int k, double z) const {
+    const BundleImage& image = bundle_->images[Observation(k).image];
+    return (std::log(std::abs(z) / Observation(k).prior_depth) -
+            image.log_depth_scale) /
+           image.depth_stddev;
+  }
+
+  double DepthCost(int k) const {
+    if (!HasDepth(k)) return 0;
+    const BundleObservation& observation = Observation(k);
+    const BundleImage& image = bundle_->images[observation.image];
+    const double z = rotations_[observation.image].row(2).dot(
+                         bundle_->points[observation.point]) +
+                     image.cam_from_world.translation.z();
+    const double ratio = DepthError(k, z) / kDepthLossScale;
+    return 0.5 * std::pow(image.depth_weight_px * kDepthLossScale, 2) *
+           std::log1p(ratio * ratio);
+  }
+
+  void LinearizeDepth(int k, const Eigen::Vector3d& rotated, Row* row) const {
+    row->residual(2) = 0;
+    row->by_camera.col(2).setZero();
+    row->by_point.col(2).setZero();
+    if (!HasDepth(k)) return;
+    const BundleObservation& observation = Observation(k);
+    const BundleImage& image = bundle_->images[observation.image];
+    const double z = rotated.z() + image.cam_from_world.translation.z();
+    const double error = DepthError(k, z);
+    const double weight = image.depth_weight_px /
+                          std::sqrt(1 + std::pow(error / kDepthLossScale, 2));
+    const double by_log = weight / image.depth_stddev;
+    const Eigen::Vector3d by_point = Eigen::Vector3d::UnitZ() * (by_log / z);
+    row->residual(2) = weight * error;
+    row->by_camera.template block<3, 1>(0, 2) = rotated.cross(by_point);
+    row->by_camera.template block<3, 1>(3, 2) = by_point;
+    row->by_camera(kPose, 2) = -by_log;
+    row->by_point.col(2).noalias() =
+        rotations_[observation.image].transpose() * by_point;
   }
 
   bool Project(int k,
@@ -228,8 +286,11 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
       for (int i = 0; i < kPose; ++i) {
         if (!image.is_constant[i]) columns[i] = this->num_columns++;
       }
+      if (kUseDepth && image.depth_weight_px > 0) {
+        columns[kPose] = this->num_columns++;
+      }
       for (size_t i = 0; i < camera.refined_params.size(); ++i) {
-        columns[kPose + i] =
+        columns[kFirstIntrinsic + i] =
             parameters_[image.camera].columns[camera.refined_params[i]];
       }
     }
@@ -264,10 +325,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
   }
 
   void Save() {
-    saved_poses_.clear();
-    for (const BundleImage& image : bundle_->images) {
-      saved_poses_.push_back(image.cam_from_world);
-    }
+    saved_images_ = bundle_->images;
     saved_parameters_.clear();
     for (const ParameterBlock& block : parameters_) {
       saved_parameters_.insert(saved_parameters_.end(),
@@ -284,7 +342,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumIntrinsics> {
   // Those of the cameras, in their order, then those of the terms alone.
   std::vector<ParameterBlock> parameters_;
   std::vector<Eigen::Matrix3d> rotations_;
-  std::vector<Rigid3d> saved_poses_;
+  std::vector<BundleImage> saved_images_;
   std::vector<double> saved_parameters_;
   std::vector<Eigen::Vector3d> saved_points_;
 };
@@ -302,17 +360,28 @@ PointMinimizerSummary SolveBundle(const PointMinimizerOptions& options,
   const auto solve = [&](auto problem) {
     return MinimizeWithPoints(options, &problem);
   };
+  const bool use_depth = std::any_of(
+      bundle->images.begin(), bundle->images.end(), [](const auto& image) {
+        return image.depth_weight_px > 0;
+      });
+  if (use_depth && num_intrinsics <= 4) {
+    return solve(BundleProblem<4, true>(loss_scale_px, camera_terms, bundle));
+  }
+  if (use_depth) {
+    return solve(BundleProblem<kMaxNumCameraParams, true>(
+        loss_scale_px, camera_terms, bundle));
+  }
   if (num_intrinsics <= 2) {
-    return solve(BundleProblem<2>(loss_scale_px, camera_terms, bundle));
+    return solve(BundleProblem<2, false>(loss_scale_px, camera_terms, bundle));
   }
   if (num_intrinsics <= 4) {
-    return solve(BundleProblem<4>(loss_scale_px, camera_terms, bundle));
+    return solve(BundleProblem<4, false>(loss_scale_px, camera_terms, bundle));
   }
   if (num_intrinsics <= 8) {
-    return solve(BundleProblem<8>(loss_scale_px, camera_terms, bundle));
+    return solve(BundleProblem<8, false>(loss_scale_px, camera_terms, bundle));
   }
-  return solve(
-      BundleProblem<kMaxNumCameraParams>(loss_scale_px, camera_terms, bundle));
+  return solve(BundleProblem<kMaxNumCameraParams, false>(
+      loss_scale_px, camera_terms, bundle));
 }
 
 }  // namespace dgsfm

@@ -3,6 +3,7 @@
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/bundle_solver.h"
+#include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "sfm/model_access.h"
 
@@ -32,9 +33,11 @@ class ModelBundle {
  public:
   ModelBundle(const BundleAdjustmentOptions& options,
               const CameraBeliefs& beliefs,
+              const DepthPriors& depth_priors,
               colmap::Reconstruction* model)
       : options_(options),
         beliefs_(beliefs),
+        depth_priors_(depth_priors),
         model_(model),
         point_ids_(SortedPoints(*model)) {
     for (size_t i = 0; i < point_ids_.size(); ++i) {
@@ -97,6 +100,7 @@ class ModelBundle {
     if (image.NumPoints3D() == 0) return;
     const int camera_index = IndexOfCamera(image.CameraId());
     num_observations_[camera_index] += image.NumPoints3D();
+    const size_t first_observation = bundle_.observations.size();
     for (const colmap::Point2D& point2D : image.Points2D()) {
       if (!point2D.HasPoint3D()) continue;
       bundle_.observations.push_back({int(image_ids_.size()),
@@ -104,7 +108,39 @@ class ModelBundle {
                                       point2D.XY()});
     }
     image_ids_.push_back(image_id);
-    bundle_.images.push_back({CamFromWorld(image), camera_index, {}});
+    BundleImage& bundle_image = bundle_.images.emplace_back();
+    bundle_image.cam_from_world = CamFromWorld(image);
+    bundle_image.camera = camera_index;
+    if (options_.use_depth && depth_priors_.Has(image_id)) {
+      AddDepths(image, first_observation, &bundle_image);
+    }
+  }
+
+  // Of the observations of an image, from the given one on.
+  void AddDepths(const colmap::Image& image,
+                 size_t observation,
+                 BundleImage* bundle_image) {
+    const double stddev = depth_priors_.stddevs.at(image.ImageId());
+    if (stddev > options_.max_depth_stddev) return;
+    const std::vector<float>& depths =
+        depth_priors_.depths->at(image.ImageId()).depths;
+    std::vector<double> log_ratios;
+    for (size_t i = 0; i < image.NumPoints2D(); ++i) {
+      if (!image.Point2D(i).HasPoint3D()) continue;
+      BundleObservation& added = bundle_.observations[observation++];
+      const double z =
+          (bundle_image->cam_from_world * bundle_.points[added.point]).z();
+      if (!(depths[i] > 0) || !(z > 0)) continue;
+      added.prior_depth = depths[i];
+      log_ratios.push_back(std::log(z / depths[i]));
+    }
+    if (log_ratios.empty()) return;
+    bundle_image->log_depth_scale = Median(log_ratios);
+    bundle_image->depth_stddev = stddev;
+    bundle_image->depth_weight_px =
+        options_.intrinsics.keypoint_stddev_px *
+        std::sqrt(
+            std::min(1.0, options_.max_num_depths / double(log_ratios.size())));
   }
 
   // Cameras of a rigid group have one index.
@@ -186,6 +222,7 @@ class ModelBundle {
 
   const BundleAdjustmentOptions& options_;
   const CameraBeliefs& beliefs_;
+  const DepthPriors& depth_priors_;
   colmap::Reconstruction* model_;
   // By their index in the bundle.
   std::vector<colmap::image_t> image_ids_;
@@ -216,6 +253,14 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
                      "loss_scale_px must be > 0",
                      loss_scale_px,
                      error) &&
+         CheckOption(max_num_depths > 0,
+                     "max_num_depths must be > 0",
+                     max_num_depths,
+                     error) &&
+         CheckOption(max_depth_stddev > 0,
+                     "max_depth_stddev must be > 0",
+                     max_depth_stddev,
+                     error) &&
          intrinsics.IsValid(error);
 }
 
@@ -223,9 +268,10 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
+                                   const DepthPriors& depth_priors,
                                    colmap::Reconstruction* model) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  ModelBundle bundle(options, beliefs, model);
+  ModelBundle bundle(options, beliefs, depth_priors, model);
   bundle.FixGauge(fixed_image);
   return bundle.Solve(num_threads);
 }

@@ -20,6 +20,8 @@ constexpr double kMinFilteredShare = 1e-3;
 // Relative decrease by an iteration that ends adjustments before the model is
 // complete.
 constexpr double kPreliminaryFunctionTolerance = 1e-4;
+// Depth maps are not better than this [log].
+constexpr double kMinDepthStddev = 0.01;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 
@@ -285,6 +287,11 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
       .Add("points", double(model->NumPoints3D()));
   initialization.Finish(&result_.stages);
   const ImageCenters start_centers = CentersOf(*model);
+  depth_priors_ = {&depths_, {}};
+  for (const auto& [image_id, scale] : DepthScalesOfModel(depths_, *model)) {
+    depth_priors_.stddevs[image_id] =
+        std::max(scale.log_spread, kMinDepthStddev);
+  }
   for (int i = 0; i < index.Size(); ++i) {
     if (!model->IsImageRegistered(index.IdOf(i))) {
       result_.unregistered_images[index.IdOf(i)] =
@@ -344,8 +351,13 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = AdjustBundle(
-        adjustment, options_.num_threads, AnchorImage(*model), beliefs_, model);
+    const std::optional<double> rms =
+        AdjustBundle(adjustment,
+                     options_.num_threads,
+                     AnchorImage(*model),
+                     beliefs_,
+                     PriorsInNeed(options_.refinement, *model, depth_priors_),
+                     model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options_.refinement, num_rounds - round, model);
@@ -362,11 +374,13 @@ CameraBeliefs DepthGlobalMapper::RetriangulateModel(
     PairGeometries* pairs, colmap::Reconstruction* model) {
   CameraBeliefs beliefs = beliefs_;
   const auto adjust = [&] {
-    return AdjustBundle(FinalAdjustment(),
-                        options_.num_threads,
-                        AnchorImage(*model),
-                        beliefs,
-                        model);
+    return AdjustBundle(
+        FinalAdjustment(),
+        options_.num_threads,
+        AnchorImage(*model),
+        beliefs,
+        PriorsInNeed(options_.refinement, *model, depth_priors_),
+        model);
   };
   // Before the retriangulation, whose filters would favour what free cameras
   // made of the model; and after it, where all its points say more.
@@ -460,7 +474,7 @@ void DepthGlobalMapper::FinishModel(const ImageCenters& start_centers,
   }
   const MetricScale metric = NormalizeToDepth(depths_, model);
   for (const auto& [image_id, scale] : DepthScalesOfModel(depths_, *model)) {
-    result_.depth_scales[image_id] = scale;
+    result_.depth_scales[image_id] = scale.scale;
   }
   UpdatePointErrors(model);
   model->TearDown();

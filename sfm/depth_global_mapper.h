@@ -139,6 +139,8 @@ class DepthGlobalMapper {
   // Of the cameras as given.
   const CameraBeliefs beliefs_;
   KeypointDepthMap depths_;
+  // Of the present component, by how well they agree at its start.
+  DepthPriors depth_priors_;
   const PairScores& pair_scores_;
   DepthGlobalMapperResult result_;
 };

@@ -11,11 +11,13 @@
 #include "sfm/model_access.h"
 
 #include <colmap/base/similarity_transform.h>
+#include <colmap/base/triangulation.h>
 #include <colmap/sfm/incremental_triangulator.h>
 
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <unordered_set>
 
 namespace dgsfm {
 
@@ -36,6 +38,72 @@ Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
       .ImageToWorld(image.Point2D(element.point2D_idx).XY())
       .homogeneous()
       .normalized();
+}
+
+// Standard deviation by the median absolute deviation.
+double SpreadAbout(double median, std::vector<double> values) {
+  for (double& value : values) value = std::abs(value - median);
+  return 1.4826 * Median(values);
+}
+
+// Whether two rays of the point enclose at least min_angle [rad].
+bool IsTriangulated(const colmap::Point3D& point,
+                    const ImageCenters& centers,
+                    double min_angle) {
+  const std::vector<colmap::TrackElement>& elements = point.Track().Elements();
+  for (size_t i = 0; i < elements.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      if (colmap::CalculateTriangulationAngle(centers.at(elements[i].image_id),
+                                              centers.at(elements[j].image_id),
+                                              point.XYZ()) >= min_angle) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+// Points whose rays enclose a large enough angle, of each image, and the other
+// points.
+struct Triangulation {
+  std::map<colmap::image_t, int> num_points;
+  std::unordered_set<colmap::point3D_t> other_ids;
+
+  Triangulation(const ModelRefinementOptions& options,
+                const colmap::Reconstruction& model) {
+    const double min_angle = options.min_triangulation_angle_deg * M_PI / 180;
+    const ImageCenters centers = CentersOf(model);
+    for (const auto& [image_id, center] : centers) num_points[image_id] = 0;
+    for (const auto& [point_id, point] : model.Points3D()) {
+      if (!IsTriangulated(point, centers, min_angle)) {
+        other_ids.insert(point_id);
+        continue;
+      }
+      for (const colmap::TrackElement& element : point.Track().Elements()) {
+        ++num_points[element.image_id];
+      }
+    }
+  }
+};
+
+// Points with a small triangulation angle whose images all see enough others.
+std::unordered_set<colmap::point3D_t> DispensablePoints(
+    const ModelRefinementOptions& options,
+    const colmap::Reconstruction& model) {
+  const Triangulation triangulation(options, model);
+  std::unordered_set<colmap::point3D_t> point_ids;
+  for (const colmap::point3D_t point_id : triangulation.other_ids) {
+    const auto& elements = model.Point3D(point_id).Track().Elements();
+    const bool is_needed =
+        std::any_of(elements.begin(),
+                    elements.end(),
+                    [&](const colmap::TrackElement& element) {
+                      return triangulation.num_points.at(element.image_id) <
+                             options.min_num_triangulated_per_image;
+                    });
+    if (!is_needed) point_ids.insert(point_id);
+  }
+  return point_ids;
 }
 
 // Matches whose Sampson error under the poses of the model is small, each
@@ -120,6 +188,10 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
                      "min_triangulation_angle_deg must be >= 0",
                      min_triangulation_angle_deg,
                      error) &&
+         CheckOption(min_num_triangulated_per_image >= 0,
+                     "min_num_triangulated_per_image must be >= 0",
+                     min_num_triangulated_per_image,
+                     error) &&
          CheckOption(min_num_points_per_image >= 3,
                      "min_num_points_per_image must be >= 3",
                      min_num_points_per_image,
@@ -192,13 +264,30 @@ size_t FilterObservationsByAngle(double max_angle_deg,
   return num_filtered;
 }
 
+DepthPriors PriorsInNeed(const ModelRefinementOptions& options,
+                         const colmap::Reconstruction& model,
+                         const DepthPriors& priors) {
+  DepthPriors needed = {priors.depths, {}};
+  for (const auto& [image_id, num_points] :
+       Triangulation(options, model).num_points) {
+    const auto it = priors.stddevs.find(image_id);
+    if (num_points < options.min_num_triangulated_per_image &&
+        it != priors.stddevs.end()) {
+      needed.stddevs.insert(*it);
+    }
+  }
+  return needed;
+}
+
 size_t FilterObservations(const ModelRefinementOptions& options,
                           double error_factor,
                           colmap::Reconstruction* model) {
+  const double max_error_px = error_factor * options.max_reprojection_error_px;
   size_t num_filtered = model->FilterObservationsWithNegativeDepth();
-  num_filtered +=
-      model->FilterAllPoints3D(error_factor * options.max_reprojection_error_px,
-                               options.min_triangulation_angle_deg);
+  num_filtered += model->FilterAllPoints3D(max_error_px, /*min_tri_angle=*/0);
+  num_filtered += model->FilterPoints3D(max_error_px,
+                                        options.min_triangulation_angle_deg,
+                                        DispensablePoints(options, *model));
   return num_filtered;
 }
 
@@ -285,9 +374,9 @@ void UpdatePointErrors(colmap::Reconstruction* model) {
   }
 }
 
-std::map<colmap::image_t, double> DepthScalesOfModel(
+std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
     const KeypointDepthMap& depths, const colmap::Reconstruction& model) {
-  std::map<colmap::image_t, double> scales;
+  std::map<colmap::image_t, DepthScale> scales;
   for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
     const auto it = depths.find(image_id);
     if (it == depths.end()) continue;
@@ -303,7 +392,8 @@ std::map<colmap::image_t, double> DepthScalesOfModel(
       if (depth > 0) log_ratios.push_back(std::log(depth / prior_depth));
     }
     if (log_ratios.size() >= kMinNumDepthsPerImage) {
-      scales[image_id] = std::exp(Median(log_ratios));
+      const double median = Median(log_ratios);
+      scales[image_id] = {std::exp(median), SpreadAbout(median, log_ratios)};
     }
   }
   return scales;
@@ -340,16 +430,12 @@ MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
   MetricScale metric;
   std::vector<double> log_scales;
   for (const auto& [image_id, scale] : DepthScalesOfModel(depths, *model)) {
-    log_scales.push_back(std::log(scale));
+    log_scales.push_back(std::log(scale.scale));
   }
   metric.num_images = log_scales.size();
   if (log_scales.empty()) return metric;
   const double median = Median(log_scales);
-  std::vector<double> deviations;
-  for (const double log_scale : log_scales) {
-    deviations.push_back(std::abs(log_scale - median));
-  }
-  metric.log_spread = 1.4826 * Median(deviations);
+  metric.log_spread = SpreadAbout(median, log_scales);
   metric.factor = std::exp(-median);
   model->Transform(colmap::SimilarityTransform3(
       metric.factor, Eigen::Vector4d(1, 0, 0, 0), Eigen::Vector3d::Zero()));

@@ -31,8 +31,12 @@ struct ModelRefinementOptions {
   // Reprojection error of the filter after the last round [px]; the rounds
   // before use 2, 3, ... times it.
   double max_reprojection_error_px = 4.0;
-  // Points whose rays all enclose less than this are removed [deg].
+  // Points whose rays all enclose less than this are removed [deg] ...
   double min_triangulation_angle_deg = 1.5;
+  // ... unless an image that sees them has fewer other points than this: they
+  // still hold its rotation. Such images alone use their depth maps in bundle
+  // adjustment.
+  int min_num_triangulated_per_image = 100;
   // Whether the adjustment after retriangulation, when the model is complete,
   // frees the principal points within their prior.
   bool refine_principal_point = true;
@@ -60,8 +64,14 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
 size_t FilterObservationsByAngle(double max_angle_deg,
                                  colmap::Reconstruction* model);
 
+// The depth maps of registered images that see too few points with parallax.
+DepthPriors PriorsInNeed(const ModelRefinementOptions& options,
+                         const colmap::Reconstruction& model,
+                         const DepthPriors& priors);
+
 // Removes observations with large reprojection error or behind the camera and
-// points with a small triangulation angle; returns the number of observations.
+// points with a small triangulation angle that no image is in need of; returns
+// the number of observations.
 size_t FilterObservations(const ModelRefinementOptions& options,
                           double error_factor,
                           colmap::Reconstruction* model);
@@ -93,8 +103,13 @@ std::map<colmap::image_t, std::string> FilterImages(
 void UpdatePointErrors(colmap::Reconstruction* model);
 
 // Factors of the depth maps against the model: s_i = median over the points of
-// image i of z-depth / prior depth, for images with enough of them.
-std::map<colmap::image_t, double> DepthScalesOfModel(
+// image i of z-depth / prior depth, for images with enough of them, and the
+// spread of the logarithms about it (1.4826 x median absolute deviation) [1].
+struct DepthScale {
+  double scale = 1;
+  double log_spread = 0;
+};
+std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
     const KeypointDepthMap& depths, const colmap::Reconstruction& model);
 
 // Centres of the registered images.

@@ -98,7 +98,7 @@ class TiedModels {
     adjustment.max_num_iterations =
         std::min(adjustment.max_num_iterations, max_num_iterations);
     const std::optional<double> rms = AdjustBundle(
-        adjustment, options_.num_threads, fixed_image_, beliefs, model);
+        adjustment, options_.num_threads, fixed_image_, beliefs, {}, model);
     if (!rms) return std::nullopt;
     return *rms * *rms * double(model->ComputeNumObservations());
   }

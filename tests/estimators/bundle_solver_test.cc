@@ -158,6 +158,133 @@ TEST(BundleSolver, ReachesTheMinimumThatCeresReaches) {
   }
 }
 
+// Gives all images depth maps with a factor each, and shrinks the baselines
+// until points have hardly any parallax.
+void AddPriorDepths(double stddev, Bundle* bundle) {
+  for (size_t j = 0; j < bundle->images.size(); ++j) {
+    BundleImage& image = bundle->images[j];
+    image.depth_stddev = stddev;
+    image.depth_weight_px = 0.5;
+    image.log_depth_scale = 0.1 * double(j);
+  }
+  for (BundleObservation& observation : bundle->observations) {
+    const BundleImage& image = bundle->images[observation.image];
+    const Eigen::Vector3d in_cam =
+        image.cam_from_world * bundle->points[observation.point];
+    observation.prior_depth = in_cam.z() * std::exp(-image.log_depth_scale);
+  }
+}
+
+// The same cost of prior depths by the definition.
+double DepthCost(const Bundle& bundle) {
+  double cost = 0;
+  for (const BundleObservation& observation : bundle.observations) {
+    const BundleImage& image = bundle.images[observation.image];
+    const double z =
+        (image.cam_from_world * bundle.points[observation.point]).z();
+    const double error =
+        (std::log(z / observation.prior_depth) - image.log_depth_scale) /
+        image.depth_stddev;
+    cost += 0.5 * std::pow(image.depth_weight_px, 2) * 4 *
+            std::log(1 + error * error / 4);
+  }
+  return cost;
+}
+
+TEST(BundleSolver, PriorDepthsAddTheirCost) {
+  Bundle bundle = Disturbed(TrueBundle({false, 1.0}));
+  PointMinimizerOptions options;
+  options.max_num_iterations = 1;
+  Bundle plain = bundle;
+  const double cost =
+      SolveBundle(options, kLossScalePx, nullptr, &plain).initial_cost;
+  AddPriorDepths(0.05, &bundle);
+  for (BundleImage& image : bundle.images) image.log_depth_scale += 0.1;
+  const double expected = cost + DepthCost(bundle);
+  EXPECT_NEAR(SolveBundle(options, kLossScalePx, nullptr, &bundle).initial_cost,
+              expected,
+              1e-9 * expected);
+}
+
+TEST(BundleSolver, MinimumWithPriorDepthsHasNoGradient) {
+  Bundle truth = TrueBundle({false, 1.0});
+  AddPriorDepths(0.05, &truth);
+  Bundle bundle = Disturbed(truth);
+  ASSERT_TRUE(
+      SolveBundle(Converging(), kLossScalePx, nullptr, &bundle).converged);
+  PointMinimizerOptions one;
+  one.max_num_iterations = 1;
+  const auto cost = [&](const Bundle& changed) {
+    Bundle copy = changed;
+    return SolveBundle(one, kLossScalePx, nullptr, &copy).initial_cost;
+  };
+  // Numeric derivatives by a point, a pose, a scale and a focal length.
+  // Central differences of steps that change the cost by about a thousandth.
+  const auto derivative = [&](auto change, double step) {
+    Bundle plus = bundle;
+    Bundle minus = bundle;
+    change(&plus, step);
+    change(&minus, -step);
+    return (cost(plus) - cost(minus)) /
+           (cost(plus) + cost(minus) - 2 * cost(bundle));
+  };
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_LT(std::abs(derivative(
+                  [&](Bundle* b, double d) { b->points[3](i) += d; }, 1e-2)),
+              0.1);
+    EXPECT_LT(std::abs(derivative(
+                  [&](Bundle* b, double d) {
+                    b->images[2].cam_from_world.translation(i) += d;
+                  },
+                  1e-3)),
+              0.1);
+  }
+  EXPECT_LT(std::abs(derivative(
+                [](Bundle* b, double d) { b->images[2].log_depth_scale += d; },
+                1e-2)),
+            0.1);
+  EXPECT_LT(std::abs(derivative(
+                [](Bundle* b, double d) { b->cameras[2].params[0] += d; }, 1)),
+            0.1);
+}
+
+TEST(BundleSolver, PriorDepthsPlacePointsWithoutParallax) {
+  // Eight cameras turn about nearly one place.
+  Bundle truth = TrueBundle({false, 0});
+  for (BundleCamera& camera : truth.cameras) camera.refined_params.clear();
+  for (BundleImage& image : truth.images) {
+    image.cam_from_world.rotation = Eigen::Quaterniond::Identity();
+    image.cam_from_world.translation =
+        Eigen::Vector3d(0, 0, 5) +
+        1e-3 * (image.cam_from_world.translation - Eigen::Vector3d(0, 0, 5));
+  }
+  for (BundleObservation& observation : truth.observations) {
+    const BundleImage& image = truth.images[observation.image];
+    ProjectionOfModel(2)(truth.cameras[image.camera].params.data(),
+                         image.cam_from_world * truth.points[observation.point],
+                         &observation.xy_px,
+                         nullptr);
+  }
+  AddPriorDepths(0.05, &truth);
+  Bundle bundle = truth;
+  std::mt19937 rng(9);
+  std::uniform_real_distribution<double> uniform(-0.2, 0.2);
+  for (Eigen::Vector3d& point : bundle.points) {
+    point *= 1 + 0.1 * uniform(rng);
+    point.z() += uniform(rng);
+  }
+  for (BundleImage& image : bundle.images) image.log_depth_scale += 0.05;
+  // The scale of the scene is that of the first map.
+  bundle.images[0].log_depth_scale -= 0.05;
+  SolveBundle(Converging(), kLossScalePx, nullptr, &bundle);
+  // Exact data, scales relative to the first image's.
+  const double first = bundle.images[0].log_depth_scale;
+  for (size_t j = 1; j < bundle.images.size(); ++j) {
+    EXPECT_NEAR(
+        bundle.images[j].log_depth_scale - first, 0.1 * double(j), 1e-3);
+  }
+}
+
 // 120 cameras along a street, each point seen by six neighbours.
 Bundle Street() {
   Bundle bundle;

@@ -338,6 +338,45 @@ TEST(DepthGlobalMapper, UnrelatedDepthMapsDoNoHarm) {
             1.5 * MaxError(without_depth.metrics));
 }
 
+TEST(DepthGlobalMapper, ImagesWithoutParallaxKeepFarPoints) {
+  SyntheticSceneOptions scene_options;
+  scene_options.family = SceneFamily::LOW_PARALLAX;
+  scene_options.num_images = 12;
+  scene_options.num_points_per_image = 200;
+  scene_options.image_noise_px = 0.5;
+  const SyntheticScene synthetic = SynthesizeScene(scene_options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 12);
+  DepthGlobalMapperOptions options;
+  options.refinement.min_num_triangulated_per_image = 0;
+  const Outcome without = MapSynthetic(synthetic, options);
+  // Baselines of 10 cm in a room: few points have 1.5 degrees of parallax.
+  EXPECT_LT(MeanError(outcome.metrics), 0.7 * MeanError(without.metrics));
+}
+
+TEST(DepthGlobalMapper, StartsAtRandom) {
+  const SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  DepthGlobalMapperOptions options;
+  options.position_initialization.is_random = true;
+  const Outcome outcome = MapSynthetic(synthetic, options);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  // The start is of no use; the bar is that for exact data.
+  EXPECT_LT(MaxError(outcome.metrics), 1e-2);
+}
+
+TEST(DepthGlobalMapper, ScaleStaysFromStartToEnd) {
+  const Outcome outcome = MapSynthetic(SynthesizeScene(SmallRing()));
+  double scale = 0;
+  for (const StageReport& stage : outcome.result.stages) {
+    for (const auto& [figure, value] : stage.figures) {
+      if (figure == "scale_from_start") scale = value;
+    }
+  }
+  // Exact data.
+  EXPECT_NEAR(scale, 1, 1e-4);
+}
+
 TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 20;

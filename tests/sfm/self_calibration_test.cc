@@ -40,7 +40,7 @@ class AdjustedScene {
 
   bool Adjust(const std::vector<CameraGroup>& groups = {}) {
     beliefs_.groups = groups;
-    return AdjustBundle(options_, 1, 1, beliefs_, &model_).has_value();
+    return AdjustBundle(options_, 1, 1, beliefs_, {}, &model_).has_value();
   }
 
   CameraBeliefs Calibrate() {
@@ -167,7 +167,7 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
-  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, &model));
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
   for (const auto& [camera_id, camera] : model.Cameras()) {
     const colmap::Camera& prior = beliefs.given.at(camera_id);
     EXPECT_NEAR(camera.MeanFocalLength() / prior.MeanFocalLength(),
