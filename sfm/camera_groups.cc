@@ -18,11 +18,14 @@ namespace {
 // the data: any stiffer slows the solver down and gains nothing.
 constexpr double kStiffness = 0.1;
 
-// Camera model and image size.
-using ClassKey = std::tuple<int, size_t, size_t>;
+// Camera model, image size, and the intrinsics where they are known.
+using ClassKey = std::tuple<int, size_t, size_t, std::vector<double>>;
 
-ClassKey KeyOf(const colmap::Camera& camera) {
-  return {camera.ModelId(), camera.Width(), camera.Height()};
+ClassKey KeyOf(const colmap::Camera& given) {
+  return {given.ModelId(),
+          given.Width(),
+          given.Height(),
+          given.HasPriorFocalLength() ? given.Params() : std::vector<double>()};
 }
 
 // A camera's place in the posterior.
@@ -115,17 +118,17 @@ struct CameraClass {
 };
 
 std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
+                                   const CameraBeliefs& beliefs,
                                    const IntrinsicsPosterior& posterior,
                                    const colmap::Reconstruction& model) {
   std::map<ClassKey, std::vector<PosteriorBlock>> blocks_of;
   int first_param = 0;
   for (const colmap::camera_t camera_id : posterior.camera_ids) {
-    const colmap::Camera& camera = model.Camera(camera_id);
-    if (!camera.HasPriorFocalLength() &&
-        posterior.covariance(first_param, first_param) > 0) {
-      blocks_of[KeyOf(camera)].push_back({camera_id, first_param});
+    const colmap::Camera& given = beliefs.given.at(camera_id);
+    if (posterior.covariance(first_param, first_param) > 0) {
+      blocks_of[KeyOf(given)].push_back({camera_id, first_param});
     }
-    first_param += int(camera.NumParams());
+    first_param += int(given.NumParams());
   }
   std::vector<CameraClass> classes;
   for (const auto& [key, blocks] : blocks_of) {
@@ -182,10 +185,12 @@ size_t LargerSide(const colmap::Camera& camera) {
 }  // namespace
 
 std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
+                                          const CameraBeliefs& beliefs,
                                           const IntrinsicsPosterior& posterior,
                                           const colmap::Reconstruction& model) {
   std::vector<CameraGroup> groups;
-  for (const CameraClass& camera_class : ClassesOf(options, posterior, model)) {
+  for (const CameraClass& camera_class :
+       ClassesOf(options, beliefs, posterior, model)) {
     for (const SameCameras& same :
          GroupCameras(camera_class.options, camera_class.estimates)) {
       groups.push_back(GroupOf(
@@ -203,10 +208,8 @@ std::vector<CameraGroup> FindCameraClasses(
   std::map<ClassKey, std::set<colmap::camera_t>> classes;
   for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
     const colmap::camera_t camera_id = model.Image(image_id).CameraId();
-    const colmap::Camera& camera = model.Camera(camera_id);
-    if (!camera.HasPriorFocalLength() &&
-        PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
-      classes[KeyOf(camera)].insert(camera_id);
+    if (PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
+      classes[KeyOf(beliefs.given.at(camera_id))].insert(camera_id);
     }
   }
   std::vector<CameraGroup> groups;
@@ -220,10 +223,12 @@ std::vector<CameraGroup> FindCameraClasses(
 
 std::vector<CameraGroup> FindCandidateGroups(
     const CameraGroupingOptions& options,
+    const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model) {
   std::vector<CameraGroup> groups;
-  for (const CameraClass& camera_class : ClassesOf(options, posterior, model)) {
+  for (const CameraClass& camera_class :
+       ClassesOf(options, beliefs, posterior, model)) {
     for (const std::vector<int>& cameras :
          ClusterByFocal(camera_class.options, camera_class.estimates)) {
       if (cameras.size() < size_t(options.min_num_cameras)) continue;

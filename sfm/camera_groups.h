@@ -14,9 +14,10 @@ namespace dgsfm {
 // Groups of cameras of one camera model and image size that GroupCameras takes
 // for the same from their adjusted intrinsics. The prior odds grow with the
 // share of cameras of that size, squared: one where all images have it, as of
-// one photographer. Cameras with a prior focal length stay as the user gave
-// them, in no group.
+// one photographer. Cameras with a prior focal length may be the same as those
+// that the user gave the same intrinsics.
 std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
+                                          const CameraBeliefs& beliefs,
                                           const IntrinsicsPosterior& posterior,
                                           const colmap::Reconstruction& model);
 
@@ -30,6 +31,7 @@ std::vector<CameraGroup> FindCameraClasses(const CameraGroupingOptions& options,
 // The same by focal lengths alone: all that may be the same.
 std::vector<CameraGroup> FindCandidateGroups(
     const CameraGroupingOptions& options,
+    const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model);
 

@@ -125,7 +125,8 @@ std::optional<TiedModels::Tied> RenewGroups(
         EstimateIntrinsicsPosterior(
             options.bundle_adjustment, free_beliefs, tied->model);
     if (!posterior) return tied;
-    groups = FindCameraGroups(options.grouping, *posterior, tied->model);
+    groups = FindCameraGroups(
+        options.grouping, free_beliefs, *posterior, tied->model);
     if (groups.empty()) return std::nullopt;
     if (AreSame(groups, tied->groups)) break;
   }
@@ -144,9 +145,9 @@ std::vector<CameraGroup> FindGroups(
       options.grouping, options.bundle_adjustment.intrinsics, beliefs, *model)};
   if (posterior) {
     candidates.push_back(
-        FindCandidateGroups(options.grouping, *posterior, *model));
+        FindCandidateGroups(options.grouping, beliefs, *posterior, *model));
     candidates.push_back(
-        FindCameraGroups(options.grouping, *posterior, *model));
+        FindCameraGroups(options.grouping, beliefs, *posterior, *model));
   }
   const TiedModels tied_models(options, fixed_image, beliefs, *model);
   std::vector<CameraGroup> last_groups;

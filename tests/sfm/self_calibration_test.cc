@@ -104,8 +104,10 @@ TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
 TEST(FindCameraGroups, CopiesOfOneCameraAreTiedAndGainAccuracy) {
   AdjustedScene scene(1);
   ASSERT_TRUE(scene.Adjust());
-  const auto groups = FindCameraGroups(
-      CameraGroupingOptions(), *scene.Posterior(), scene.Model());
+  const auto groups = FindCameraGroups(CameraGroupingOptions(),
+                                       scene.Beliefs(),
+                                       *scene.Posterior(),
+                                       scene.Model());
   ASSERT_EQ(groups.size(), 1);
   EXPECT_EQ(groups[0].camera_ids.size(), 12);
   EXPECT_TRUE(groups[0].IsRigid());
@@ -123,8 +125,10 @@ TEST(FindCameraGroups, CopiesOfOneCameraAreTiedAndGainAccuracy) {
 TEST(FindCameraGroups, DifferentCamerasOfOneSizeAreTiedApart) {
   AdjustedScene scene(2);
   ASSERT_TRUE(scene.Adjust());
-  const auto groups = FindCameraGroups(
-      CameraGroupingOptions(), *scene.Posterior(), scene.Model());
+  const auto groups = FindCameraGroups(CameraGroupingOptions(),
+                                       scene.Beliefs(),
+                                       *scene.Posterior(),
+                                       scene.Model());
   ASSERT_EQ(groups.size(), 2);
   EXPECT_EQ(groups[0].camera_ids,
             std::vector<colmap::camera_t>({1, 3, 5, 7, 9, 11}));
@@ -135,8 +139,10 @@ TEST(FindCameraGroups, DifferentCamerasOfOneSizeAreTiedApart) {
 TEST(FindCameraGroups, EachImageWithItsOwnCameraStaysFree) {
   AdjustedScene scene(0);
   ASSERT_TRUE(scene.Adjust());
-  EXPECT_TRUE(FindCameraGroups(
-                  CameraGroupingOptions(), *scene.Posterior(), scene.Model())
+  EXPECT_TRUE(FindCameraGroups(CameraGroupingOptions(),
+                               scene.Beliefs(),
+                               *scene.Posterior(),
+                               scene.Model())
                   .empty());
 }
 
@@ -177,6 +183,28 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
     EXPECT_NEAR(camera.Params(3),
                 prior.Params(3),
                 options.intrinsics.extra_params_stddev);
+  }
+}
+
+TEST(CalibrateModel, KnownCamerasAreTiedOnlyIfGivenTheSame) {
+  for (const bool are_given_the_same : {true, false}) {
+    SyntheticScene synthetic = CreateScene(1);
+    synthetic.options.known_focal_length = true;
+    CameraBeliefs beliefs = {SceneFromSynthetic(synthetic).cameras, {}, {}};
+    for (auto& [camera_id, camera] : beliefs.given) {
+      camera.SetParams(beliefs.given.at(1).Params());
+      // Less than the standard deviation of the prior, 1 %.
+      if (!are_given_the_same) {
+        camera.SetFocalLength(camera.FocalLength() * (1 + 1e-4 * camera_id));
+      }
+    }
+    colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
+    BundleAdjustmentOptions options;
+    options.intrinsics.refine_principal_point = true;
+    ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
+    beliefs = CalibrateModel(
+        {CameraGroupingOptions(), options, 1}, 1, beliefs, &model);
+    EXPECT_EQ(beliefs.NumTiedCameras(), are_given_the_same ? 12 : 0);
   }
 }
 
