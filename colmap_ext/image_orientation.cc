@@ -1,30 +1,16 @@
 #include "colmap_ext/image_orientation.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/image_header.h"
 
-#include <filesystem>
-#include <memory>
-#include <stdexcept>
 #include <utility>
-
-#include <FreeImage.h>
 
 namespace dgsfm {
 
 int ReadExifOrientation(const std::string& path) {
-  FREE_IMAGE_FORMAT format = FIF_UNKNOWN;
-  if (std::filesystem::is_regular_file(path)) {
-    format = FreeImage_GetFileType(path.c_str(), 0);
-  }
-  FIBITMAP* bitmap = nullptr;
-  if (format != FIF_UNKNOWN) {
-    bitmap = FreeImage_Load(format, path.c_str(), FIF_LOAD_NOPIXELS);
-  }
-  if (bitmap == nullptr) throw std::runtime_error("cannot read image " + path);
-  const std::unique_ptr<FIBITMAP, decltype(&FreeImage_Unload)> owner(
-      bitmap, &FreeImage_Unload);
+  const ImageHeader header = ReadImageHeader(path);
   FITAG* tag = nullptr;
-  FreeImage_GetMetadata(FIMD_EXIF_MAIN, bitmap, "Orientation", &tag);
+  FreeImage_GetMetadata(FIMD_EXIF_MAIN, header.get(), "Orientation", &tag);
   if (tag == nullptr || FreeImage_GetTagType(tag) != FIDT_SHORT ||
       FreeImage_GetTagCount(tag) != 1) {
     return 1;

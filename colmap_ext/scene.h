@@ -3,6 +3,8 @@
 
 #pragma once
 
+#include "colmap_ext/image_exif.h"
+
 #include <colmap/util/alignment.h>
 
 #include <colmap/base/camera.h>
@@ -37,6 +39,9 @@ struct Scene {
   std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
   // Matches that COLMAP's geometric verification accepted, where it ran.
   std::map<colmap::image_pair_t, colmap::FeatureMatches> verified_matches;
+  // Of the first image of each camera without a prior focal length, where the
+  // image files are at hand.
+  std::map<colmap::camera_t, ImageExif> exif;
 };
 
 // Image ids are smaller, so that a pair id fits into 64 bits.

@@ -36,6 +36,22 @@ void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   }
 }
 
+void ReadExif(const std::string& image_path, Scene* scene) {
+  for (const auto& [image_id, image] : scene->images) {
+    const colmap::camera_t camera_id = image.CameraId();
+    if (scene->cameras.at(camera_id).HasPriorFocalLength() ||
+        scene->exif.count(camera_id) > 0) {
+      continue;
+    }
+    const std::string path = (fs::path(image_path) / image.Name()).string();
+    try {
+      scene->exif[camera_id] = ReadImageExif(path);
+    } catch (const std::runtime_error& error) {
+      LOG(WARNING) << "No EXIF data: " << error.what();
+    }
+  }
+}
+
 }  // namespace
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
@@ -47,9 +63,10 @@ bool GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier.verification);
   CheckOptions(options_.mapper);
   std::vector<StageReport> stages;
-  const Scene scene = LoadScene(options_.verifier, &stages);
+  Scene scene = LoadScene(options_.verifier, &stages);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
+    if (options_.use_exif) ReadExif(options_.image_path, &scene);
   }
   const KeypointDepthMap depths = LoadDepths(options_.verifier, &stages);
   PairScores scores;

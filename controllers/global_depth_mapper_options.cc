@@ -187,7 +187,12 @@ void BindOptions(GlobalDepthMapperOptions* options,
   BindVerificationOptions(&options->verifier, command_options);
   command_options->Add("image_path",
                        &options->image_path,
-                       "folder of the images, for colours; empty = none");
+                       "folder of the images, for colours and EXIF; empty = "
+                       "none");
+  command_options->Add("use_exif",
+                       &options->use_exif,
+                       "whether focal length and camera that EXIF data name "
+                       "count where no prior focal length is given");
   command_options->AddRequired("output_path",
                                &options->output_path,
                                "folder of the models, created if missing");
@@ -210,6 +215,7 @@ void BindOptions(GlobalDepthMapperOptions* options,
 
 void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   ApplyPaperPreset(&options->verifier.verification);
+  options->use_exif = false;
   DepthGlobalMapperOptions& mapper = options->mapper;
   mapper.view_graph.min_pair_score = 0.8;
   mapper.view_graph.min_triplet_support = 0.6;

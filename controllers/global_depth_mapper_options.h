@@ -10,8 +10,11 @@
 namespace dgsfm {
 
 struct GlobalDepthMapperOptions {
-  // Folder of the images, for the colours of the points; empty = no colours.
+  // Folder of the images, for the colours of the points and for EXIF; empty =
+  // without.
   std::string image_path;
+  // Whether the EXIF data of images without a prior focal length count.
+  bool use_exif = true;
   // Existing folder that receives 0/, 1/, ..., report.json and project.ini.
   std::string output_path;
   // File of pair scores, see ReadPairScores; empty = none.

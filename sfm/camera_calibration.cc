@@ -61,13 +61,17 @@ bool SetAverage(const std::vector<FocalEstimate>& estimates,
 // Cameras of one camera model and image size learn from each other.
 void ShrinkToPopulations(Scene* scene,
                          std::map<colmap::camera_t, CameraFocal>* focals) {
-  using Population = std::tuple<int, size_t, size_t>;
+  using Population = std::tuple<int, size_t, size_t, std::string>;
   std::map<Population, std::vector<colmap::camera_t>> populations;
   for (const auto& [camera_id, focal] : *focals) {
     const colmap::Camera& camera = scene->cameras.at(camera_id);
     if (focal.source == FocalSource::PRIOR) continue;
-    populations[{camera.ModelId(), camera.Width(), camera.Height()}].push_back(
-        camera_id);
+    const auto exif = scene->exif.find(camera_id);
+    populations[{camera.ModelId(),
+                 camera.Width(),
+                 camera.Height(),
+                 exif == scene->exif.end() ? "" : exif->second.camera}]
+        .push_back(camera_id);
   }
   for (const auto& [population, camera_ids] : populations) {
     std::vector<CameraFocalEstimate> estimates;
@@ -93,6 +97,44 @@ void ShrinkToPopulations(Scene* scene,
   }
 }
 
+// Standard deviation of log focal lengths of EXIF: whole millimetres, and crops
+// by the camera's own processing [1].
+constexpr double kExifLogStddev = 0.05;
+// Differences beyond this many standard deviations tell of a crop.
+constexpr double kMaxExifDeviation = 3;
+// Of the median of few estimates, whatever their spread.
+constexpr double kMinPairsLogStddev = 0.02;
+
+// A camera whose image is a crop has EXIF data that are wrong.
+void AddExif(const ImageExif& exif,
+             CameraFocal* focal,
+             colmap::Camera* camera) {
+  if (exif.focal_length_ratio == 0) return;
+  const double exif_log_focal =
+      std::log(exif.focal_length_ratio *
+               std::hypot(double(camera->Width()), double(camera->Height())));
+  if (focal->source != FocalSource::PAIRS) {
+    focal->source = FocalSource::EXIF;
+    focal->log_stddev = kExifLogStddev;
+    SetFocalLength(std::exp(exif_log_focal), camera);
+    return;
+  }
+  const double pairs_variance =
+      focal->log_spread * focal->log_spread / double(focal->num_estimates) +
+      kMinPairsLogStddev * kMinPairsLogStddev;
+  const double exif_variance = kExifLogStddev * kExifLogStddev;
+  const double difference =
+      exif_log_focal - std::log(camera->MeanFocalLength());
+  if (std::abs(difference) >
+      kMaxExifDeviation * std::sqrt(pairs_variance + exif_variance)) {
+    return;
+  }
+  SetFocalLength(
+      camera->MeanFocalLength() * std::exp(difference * pairs_variance /
+                                           (pairs_variance + exif_variance)),
+      camera);
+}
+
 Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
   TwoViewModel model;
   model.rotation = pair.cam2_from_cam1.rotation.toRotationMatrix();
@@ -114,7 +156,8 @@ void CalibrateFromFundamentals(
     camera_ids.push_back(camera_id);
     focal_lengths_px.push_back(focal.focal_length_px);
     known.push_back(focal.source == FocalSource::PRIOR ||
-                    focal.source == FocalSource::PAIRS);
+                    focal.source == FocalSource::PAIRS ||
+                    focal.source == FocalSource::EXIF);
   }
   if (std::all_of(known.begin(), known.end(), [](char k) { return k; })) {
     return;
@@ -158,6 +201,8 @@ std::string FocalSourceName(FocalSource source) {
       return "pairs";
     case FocalSource::VIEW_GRAPH:
       return "view_graph";
+    case FocalSource::EXIF:
+      return "exif";
     case FocalSource::SIMILAR_CAMERAS:
       return "similar_cameras";
     case FocalSource::DEPTH_MODEL:
@@ -185,6 +230,10 @@ std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
       focal.source = FocalSource::PAIRS;
     } else if (SetAverage(depth_estimates[camera_id], &focal, &camera)) {
       focal.source = FocalSource::DEPTH_MODEL;
+    }
+    const auto exif = scene->exif.find(camera_id);
+    if (focal.source != FocalSource::PRIOR && exif != scene->exif.end()) {
+      AddExif(exif->second, &focal, &camera);
     }
     focal.focal_length_px = camera.MeanFocalLength();
   }

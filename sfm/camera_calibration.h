@@ -13,6 +13,7 @@ namespace dgsfm {
 enum class FocalSource {
   PRIOR,            // given by the user: untouched
   PAIRS,            // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
+  EXIF,             // as the camera wrote it into the image
   VIEW_GRAPH,       // from fundamental matrices, no depth
   SIMILAR_CAMERAS,  // median of cameras of the same model and image size
   DEPTH_MODEL,      // as the depth model saw it, for want of other evidence
@@ -32,7 +33,8 @@ struct CameraFocal {
 };
 
 // Sets the focal length of every camera without a prior focal length from the
-// valid pairs: the median over all images of the camera; where the pairs have
+// valid pairs: the median over all images of the camera, averaged with EXIF's
+// where the two agree; without estimates that of EXIF; where the pairs have
 // no estimate, by calibrating the view graph from their fundamental matrices,
 // from the median of what the depth model saw in the images as start; where
 // that fails, the start.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <string>
 #include <tuple>
 #include <utility>
 
@@ -18,13 +19,18 @@ namespace {
 // the data: any stiffer slows the solver down and gains nothing.
 constexpr double kStiffness = 0.1;
 
-// Camera model, image size, and the intrinsics where they are known.
-using ClassKey = std::tuple<int, size_t, size_t, std::vector<double>>;
+// Camera model, image size, camera and zoom as EXIF has them, and the
+// intrinsics where they are known.
+using ClassKey =
+    std::tuple<int, size_t, size_t, std::string, std::vector<double>>;
 
-ClassKey KeyOf(const colmap::Camera& given) {
+ClassKey KeyOf(const CameraBeliefs& beliefs, colmap::camera_t camera_id) {
+  const colmap::Camera& given = beliefs.given.at(camera_id);
+  const auto exif = beliefs.exif.find(camera_id);
   return {given.ModelId(),
           given.Width(),
           given.Height(),
+          exif == beliefs.exif.end() ? "" : exif->second.camera,
           given.HasPriorFocalLength() ? given.Params() : std::vector<double>()};
 }
 
@@ -126,7 +132,7 @@ std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
   for (const colmap::camera_t camera_id : posterior.camera_ids) {
     const colmap::Camera& given = beliefs.given.at(camera_id);
     if (posterior.covariance(first_param, first_param) > 0) {
-      blocks_of[KeyOf(given)].push_back({camera_id, first_param});
+      blocks_of[KeyOf(beliefs, camera_id)].push_back({camera_id, first_param});
     }
     first_param += int(given.NumParams());
   }
@@ -209,7 +215,7 @@ std::vector<CameraGroup> FindCameraClasses(
   for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
     const colmap::camera_t camera_id = model.Image(image_id).CameraId();
     if (PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
-      classes[KeyOf(beliefs.given.at(camera_id))].insert(camera_id);
+      classes[KeyOf(beliefs, camera_id)].insert(camera_id);
     }
   }
   std::vector<CameraGroup> groups;

@@ -68,7 +68,7 @@ DepthGlobalMapper::DepthGlobalMapper(
     : options_(options),
       verification_(verification),
       scene_(scene),
-      beliefs_({scene.cameras, {}, {}}),
+      beliefs_({scene.cameras, {}, {}, scene.exif}),
       depths_(std::move(depths)),
       pair_scores_(pair_scores) {
   std::string error;

@@ -9,6 +9,7 @@
 
 #include <colmap/base/reconstruction.h>
 
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -64,6 +65,7 @@ struct CameraBeliefs {
   std::set<colmap::camera_t> held_principal_points;
   // Disjoint.
   std::vector<CameraGroup> groups;
+  std::map<colmap::camera_t, ImageExif> exif;
 
   // The rigid group that a camera is in, or null.
   const CameraGroup* RigidGroupOf(colmap::camera_t camera_id) const;

@@ -59,6 +59,7 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   EXPECT_TRUE(mapper.skip_translation_averaging);
   EXPECT_TRUE(mapper.skip_retriangulation);
   EXPECT_TRUE(mapper.skip_camera_grouping);
+  EXPECT_FALSE(options.use_exif);
 }
 
 TEST(PaperPreset, SetsEachValueOfTheRefinement) {

@@ -1,5 +1,7 @@
 #include "sfm/camera_calibration.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 namespace dgsfm {
@@ -62,6 +64,33 @@ TEST(AverageFocalsOfCameras, PairsGoBeforeTheDepthModelAndThatBeforeTheGuess) {
     EXPECT_EQ(focals.at(2).source, FocalSource::PRIOR);
     EXPECT_EQ(scene.cameras.at(2).MeanFocalLength(), 500);
   }
+}
+
+TEST(AverageFocalsOfCameras, ExifStandsInForPairsAndIsAveragedWithThem) {
+  // Of a diagonal of 800 px: 600 px.
+  const ImageExif exif = {"camera", 0.75};
+  Scene scene = TwoCameras();
+  scene.exif[1] = scene.exif[2] = exif;
+  auto focals = AverageFocalsOfCameras({}, {}, {}, false, &scene);
+  EXPECT_EQ(focals.at(1).source, FocalSource::EXIF);
+  // Rounding of logarithms.
+  EXPECT_NEAR(focals.at(1).focal_length_px, 600, 1e-9);
+  EXPECT_EQ(scene.cameras.at(2).MeanFocalLength(), 500);
+
+  // One estimate with a deviation of 2 % against 5 %: 4 / 29 of the way.
+  scene = TwoCameras();
+  scene.exif[1] = exif;
+  focals = AverageFocalsOfCameras(OnePair(640), {}, {}, false, &scene);
+  EXPECT_EQ(focals.at(1).source, FocalSource::PAIRS);
+  EXPECT_NEAR(focals.at(1).focal_length_px,
+              640 * std::pow(600.0 / 640.0, 4.0 / 29.0),
+              1e-9);
+
+  // Of a crop: 17 % are more than three deviations.
+  scene = TwoCameras();
+  scene.exif[1] = exif;
+  focals = AverageFocalsOfCameras(OnePair(720), {}, {}, false, &scene);
+  EXPECT_NEAR(focals.at(1).focal_length_px, 720, 1e-9);
 }
 
 // Six cameras in a row of pairs, the last of which has no estimate.

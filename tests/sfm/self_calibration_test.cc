@@ -169,7 +169,8 @@ TEST(AdjustBundle, SoftGroupsPullTogether) {
 TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   SyntheticScene synthetic = CreateScene(1);
   synthetic.options.known_focal_length = true;
-  const CameraBeliefs beliefs = {SceneFromSynthetic(synthetic).cameras, {}, {}};
+  const CameraBeliefs beliefs = {
+      SceneFromSynthetic(synthetic).cameras, {}, {}, {}};
   colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
@@ -186,11 +187,25 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   }
 }
 
+TEST(FindCameraClasses, KeepCamerasApartThatExifDoes) {
+  AdjustedScene scene(1);
+  CameraBeliefs beliefs = scene.Beliefs();
+  IntrinsicsPriorOptions prior;
+  EXPECT_EQ(FindCameraClasses({}, prior, beliefs, scene.Model()).size(), 1);
+  for (colmap::camera_t id = 1; id <= 12; ++id) {
+    beliefs.exif[id].camera = id <= 6 ? "a|b||35 mm" : "a|b||50 mm";
+  }
+  const auto groups = FindCameraClasses({}, prior, beliefs, scene.Model());
+  ASSERT_EQ(groups.size(), 2);
+  EXPECT_EQ(groups[0].camera_ids,
+            std::vector<colmap::camera_t>({1, 2, 3, 4, 5, 6}));
+}
+
 TEST(CalibrateModel, KnownCamerasAreTiedOnlyIfGivenTheSame) {
   for (const bool are_given_the_same : {true, false}) {
     SyntheticScene synthetic = CreateScene(1);
     synthetic.options.known_focal_length = true;
-    CameraBeliefs beliefs = {SceneFromSynthetic(synthetic).cameras, {}, {}};
+    CameraBeliefs beliefs = {SceneFromSynthetic(synthetic).cameras, {}, {}, {}};
     for (auto& [camera_id, camera] : beliefs.given) {
       camera.SetParams(beliefs.given.at(1).Params());
       // Less than the standard deviation of the prior, 1 %.
