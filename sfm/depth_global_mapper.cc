@@ -373,20 +373,25 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
 CameraBeliefs DepthGlobalMapper::RetriangulateModel(
     PairGeometries* pairs, colmap::Reconstruction* model) {
   CameraBeliefs beliefs = beliefs_;
-  const auto adjust = [&] {
+  const auto adjust = [&](colmap::Reconstruction* adjusted) {
     return AdjustBundle(
         FinalAdjustment(),
         options_.num_threads,
-        AnchorImage(*model),
+        AnchorImage(*adjusted),
         beliefs,
-        PriorsInNeed(options_.refinement, *model, depth_priors_),
-        model);
+        PriorsInNeed(options_.refinement, *adjusted, depth_priors_),
+        adjusted);
   };
   // Before the retriangulation, whose filters would favour what free cameras
   // made of the model; and after it, where all its points say more.
   if (!options_.skip_camera_grouping) {
-    adjust();
-    beliefs = CalibrateCameras(model);
+    colmap::Reconstruction free_model = *model;
+    adjust(&free_model);
+    beliefs = CalibrateCameras(&free_model);
+    const bool nothing_learned =
+        beliefs.groups.empty() &&
+        beliefs.held_principal_points.size() == model->NumCameras();
+    if (!nothing_learned) *model = std::move(free_model);
   }
   std::unique_ptr<colmap::CorrespondenceGraph> graph;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
@@ -399,7 +404,7 @@ CameraBeliefs DepthGlobalMapper::RetriangulateModel(
                              *model,
                              graph.get());
     const size_t num_gained = Retriangulate(options_.refinement, *graph, model);
-    const std::optional<double> rms = adjust();
+    const std::optional<double> rms = adjust(model);
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
     timer.Add("observations_gained", double(num_gained))
