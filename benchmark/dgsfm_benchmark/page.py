@@ -157,13 +157,14 @@ def _scaling_tables(experiment, records):
     lines = []
     for spec in experiment.engines:
         runs = [r for r in records if r["engine"] == spec["name"]]
-        if spec.get("verify_first") and runs:
+        table = tables.scaling_table(runs) if spec.get("verify_first") else []
+        if table:
             lines += [
                 f"“{spec['name']}”: processor time of all threads and peak "
                 "memory by stage, medians over seeds, and the exponents fitted "
                 "to them:",
                 "",
-                *tables.scaling_table(runs),
+                *table,
                 "",
             ]
     return lines

@@ -157,9 +157,11 @@ def _plot_ablation(experiment, records):
     for spec in experiment.engines:
         if spec["name"] == experiment.reference:
             continue
-        difference = paired_difference(
-            reference, _values(records, spec["name"], idx)
-        )
+        values = _values(records, spec["name"], idx)
+        # Results may be older than the row.
+        if not values.keys() & reference.keys():
+            continue
+        difference = paired_difference(reference, values)
         names.append(spec["name"])
         means.append(difference.mean)
         widths.append(np.nan_to_num(difference.half_width))

@@ -184,7 +184,8 @@ def scaling_table(records: list[Record]) -> list[str]:
     first, with the exponents of time and memory; none without two levels."""
     by_x: dict[float, list[Record]] = {}
     for record in records:
-        if record["status"] == "ok":
+        # Results may be older than the separation of verification.
+        if record["status"] == "ok" and VERIFICATION in record["stages"]:
             by_x.setdefault(record["parameters"]["x"], []).append(record)
     x = sorted(by_x)
     if len(x) < 2:
