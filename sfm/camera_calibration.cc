@@ -2,10 +2,10 @@
 
 #include "estimators/focal_population.h"
 #include "estimators/two_view_model.h"
+#include "sfm/camera_groups.h"
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 namespace dgsfm {
 
@@ -58,20 +58,14 @@ bool SetAverage(const std::vector<FocalEstimate>& estimates,
   return true;
 }
 
-// Cameras of one camera model and image size learn from each other.
+// Cameras that may be the same learn from each other.
 void ShrinkToPopulations(Scene* scene,
                          std::map<colmap::camera_t, CameraFocal>* focals) {
-  using Population = std::tuple<int, size_t, size_t, std::string>;
-  std::map<Population, std::vector<colmap::camera_t>> populations;
+  std::map<CameraKind, std::vector<colmap::camera_t>> populations;
   for (const auto& [camera_id, focal] : *focals) {
-    const colmap::Camera& camera = scene->cameras.at(camera_id);
     if (focal.source == FocalSource::PRIOR) continue;
-    const auto exif = scene->exif.find(camera_id);
-    populations[{camera.ModelId(),
-                 camera.Width(),
-                 camera.Height(),
-                 exif == scene->exif.end() ? "" : exif->second.camera}]
-        .push_back(camera_id);
+    populations[KindOf(scene->cameras, scene->exif, camera_id)].push_back(
+        camera_id);
   }
   for (const auto& [population, camera_ids] : populations) {
     std::vector<CameraFocalEstimate> estimates;
@@ -91,7 +85,6 @@ void ShrinkToPopulations(Scene* scene,
         continue;
       }
       focal.focal_length_px = std::exp(posteriors[i].log_focal_length);
-      focal.log_stddev = posteriors[i].log_stddev;
       SetFocalLength(focal.focal_length_px, &scene->cameras.at(camera_ids[i]));
     }
   }
@@ -115,7 +108,6 @@ void AddExif(const ImageExif& exif,
                std::hypot(double(camera->Width()), double(camera->Height())));
   if (focal->source != FocalSource::PAIRS) {
     focal->source = FocalSource::EXIF;
-    focal->log_stddev = kExifLogStddev;
     SetFocalLength(std::exp(exif_log_focal), camera);
     return;
   }

@@ -28,8 +28,6 @@ struct CameraFocal {
   size_t num_estimates = 0;
   // Spread of these estimates of log focal length [1].
   double log_spread = 0;
-  // Of log focal length [1]; 0 if not known.
-  double log_stddev = 0;
 };
 
 // Sets the focal length of every camera without a prior focal length from the

@@ -8,7 +8,6 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <tuple>
 #include <utility>
 
 namespace dgsfm {
@@ -18,21 +17,6 @@ namespace {
 // Standard deviation of ties of parameters that do not differ, over that of
 // the data: any stiffer slows the solver down and gains nothing.
 constexpr double kStiffness = 0.1;
-
-// Camera model, image size, camera and zoom as EXIF has them, and the
-// intrinsics where they are known.
-using ClassKey =
-    std::tuple<int, size_t, size_t, std::string, std::vector<double>>;
-
-ClassKey KeyOf(const CameraBeliefs& beliefs, colmap::camera_t camera_id) {
-  const colmap::Camera& given = beliefs.given.at(camera_id);
-  const auto exif = beliefs.exif.find(camera_id);
-  return {given.ModelId(),
-          given.Width(),
-          given.Height(),
-          exif == beliefs.exif.end() ? "" : exif->second.camera,
-          given.HasPriorFocalLength() ? given.Params() : std::vector<double>()};
-}
 
 // A camera's place in the posterior.
 struct PosteriorBlock {
@@ -127,12 +111,13 @@ std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
                                    const CameraBeliefs& beliefs,
                                    const IntrinsicsPosterior& posterior,
                                    const colmap::Reconstruction& model) {
-  std::map<ClassKey, std::vector<PosteriorBlock>> blocks_of;
+  std::map<CameraKind, std::vector<PosteriorBlock>> blocks_of;
   int first_param = 0;
   for (const colmap::camera_t camera_id : posterior.camera_ids) {
     const colmap::Camera& given = beliefs.given.at(camera_id);
     if (posterior.covariance(first_param, first_param) > 0) {
-      blocks_of[KeyOf(beliefs, camera_id)].push_back({camera_id, first_param});
+      blocks_of[KindOf(beliefs.given, beliefs.exif, camera_id)].push_back(
+          {camera_id, first_param});
     }
     first_param += int(given.NumParams());
   }
@@ -190,6 +175,19 @@ size_t LargerSide(const colmap::Camera& camera) {
 
 }  // namespace
 
+CameraKind KindOf(const CameraMap& given,
+                  const std::map<colmap::camera_t, ImageExif>& exif,
+                  colmap::camera_t camera_id) {
+  const colmap::Camera& camera = given.at(camera_id);
+  const auto found = exif.find(camera_id);
+  return {
+      camera.ModelId(),
+      camera.Width(),
+      camera.Height(),
+      found == exif.end() ? "" : found->second.camera,
+      camera.HasPriorFocalLength() ? camera.Params() : std::vector<double>()};
+}
+
 std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
                                           const CameraBeliefs& beliefs,
                                           const IntrinsicsPosterior& posterior,
@@ -211,11 +209,11 @@ std::vector<CameraGroup> FindCameraClasses(
     const IntrinsicsPriorOptions& prior,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
-  std::map<ClassKey, std::set<colmap::camera_t>> classes;
+  std::map<CameraKind, std::set<colmap::camera_t>> classes;
   for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
     const colmap::camera_t camera_id = model.Image(image_id).CameraId();
     if (PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
-      classes[KeyOf(beliefs, camera_id)].insert(camera_id);
+      classes[KindOf(beliefs.given, beliefs.exif, camera_id)].insert(camera_id);
     }
   }
   std::vector<CameraGroup> groups;

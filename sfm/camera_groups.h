@@ -6,10 +6,21 @@
 #include "estimators/camera_grouping.h"
 #include "sfm/intrinsics_posterior.h"
 
+#include <map>
 #include <set>
+#include <string>
+#include <tuple>
 #include <vector>
 
 namespace dgsfm {
+
+// What cameras have in common that may be the same: camera model, image size,
+// camera and zoom as EXIF has them, and the intrinsics where they are known.
+using CameraKind =
+    std::tuple<int, size_t, size_t, std::string, std::vector<double>>;
+CameraKind KindOf(const CameraMap& given,
+                  const std::map<colmap::camera_t, ImageExif>& exif,
+                  colmap::camera_t camera_id);
 
 // Groups of cameras of one camera model and image size that GroupCameras takes
 // for the same from their adjusted intrinsics. The prior odds grow with the

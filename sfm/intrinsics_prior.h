@@ -65,6 +65,7 @@ struct CameraBeliefs {
   std::set<colmap::camera_t> held_principal_points;
   // Disjoint.
   std::vector<CameraGroup> groups;
+  // Of cameras whose image files tell theirs.
   std::map<colmap::camera_t, ImageExif> exif;
 
   // The rigid group that a camera is in, or null.

@@ -141,26 +141,29 @@ std::vector<CameraGroup> FindGroups(
     colmap::image_t fixed_image,
     const CameraBeliefs& beliefs,
     colmap::Reconstruction* model) {
-  std::vector<std::vector<CameraGroup>> candidates = {FindCameraClasses(
-      options.grouping, options.bundle_adjustment.intrinsics, beliefs, *model)};
-  if (posterior) {
-    candidates.push_back(
-        FindCandidateGroups(options.grouping, beliefs, *posterior, *model));
-    candidates.push_back(
-        FindCameraGroups(options.grouping, beliefs, *posterior, *model));
-  }
+  const std::vector<CameraGroup> classes = FindCameraClasses(
+      options.grouping, options.bundle_adjustment.intrinsics, beliefs, *model);
+  // Groups are parts of classes.
+  if (classes.empty()) return {};
   const TiedModels tied_models(options, fixed_image, beliefs, *model);
   std::vector<CameraGroup> last_groups;
-  for (const std::vector<CameraGroup>& groups : candidates) {
-    if (groups.empty() || AreSame(groups, last_groups)) continue;
+  const auto tie = [&](const std::vector<CameraGroup>& groups)
+      -> std::optional<TiedModels::Tied> {
+    if (groups.empty() || AreSame(groups, last_groups)) return std::nullopt;
     last_groups = groups;
-    std::optional<TiedModels::Tied> tied =
-        RenewGroups(options, tied_models, beliefs, groups);
-    if (!tied) continue;
-    *model = std::move(tied->model);
-    return tied->groups;
+    return RenewGroups(options, tied_models, beliefs, groups);
+  };
+  std::optional<TiedModels::Tied> tied = tie(classes);
+  if (!tied && posterior) {
+    tied =
+        tie(FindCandidateGroups(options.grouping, beliefs, *posterior, *model));
   }
-  return {};
+  if (!tied && posterior) {
+    tied = tie(FindCameraGroups(options.grouping, beliefs, *posterior, *model));
+  }
+  if (!tied) return {};
+  *model = std::move(tied->model);
+  return tied->groups;
 }
 
 void SetPrincipalPoints(const CameraBeliefs& beliefs,
