@@ -70,12 +70,11 @@ class TagDirectory {
 class ReadImageExifTest : public testing::Test {
  protected:
   ReadImageExifTest()
-      : path_((fs::path(testing::TempDir()) / "exif.jpg").string()) {
+      : path_((fs::path(CreateTestDir()) / "exif.jpg").string()) {
     FIBITMAP* bitmap = FreeImage_Allocate(40, 30, 24);
     FreeImage_Save(FIF_JPEG, bitmap, path_.c_str());
     FreeImage_Unload(bitmap);
   }
-  ~ReadImageExifTest() override { fs::remove(path_); }
 
   // Make, model and the focal length on film, EXIF 2.3, as cameras write them.
   void AddExif() const {

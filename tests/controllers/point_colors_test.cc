@@ -1,10 +1,10 @@
 #include "controllers/point_colors.h"
 
 #include "colmap_ext/pose_access.h"
+#include "tests/testing/test_dir.h"
 
 #include <colmap/util/bitmap.h>
 
-#include <filesystem>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -57,13 +57,7 @@ colmap::Reconstruction CreateModel(const std::string& extension) {
 
 class PointColorsTest : public testing::TestWithParam<std::string> {
  protected:
-  void SetUp() override {
-    folder_ = testing::TempDir() + "/point_colors" + GetParam();
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-
-  std::string folder_;
+  const std::string folder_ = CreateTestDir();
 };
 
 TEST_P(PointColorsTest, PointsHaveTheColorOfTheirObservations) {
