@@ -2,7 +2,9 @@
 
 #include "colmap_ext/hdf5_library.h"
 
+#include <algorithm>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -91,6 +93,17 @@ class Connection {
 // or FAILURE and the reason.
 enum Message : uint64_t { FIND_GROUPS, READ, ANSWER, FAILURE };
 
+// Ends the process by SIGXCPU if it works longer than that from now on.
+void LimitTime(int max_seconds) {
+  rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+  rlimit limits = {};
+  getrlimit(RLIMIT_CPU, &limits);
+  const rlim_t seconds = usage.ru_utime.tv_sec + usage.ru_stime.tv_sec + 1;
+  limits.rlim_cur = std::min(limits.rlim_max, seconds + max_seconds);
+  setrlimit(RLIMIT_CPU, &limits);
+}
+
 void LimitMemory() {
   uint64_t num_pages = 0;
   std::ifstream("/proc/self/statm") >> num_pages;
@@ -120,9 +133,10 @@ void AnswerRequest(const Hdf5Library& file, Connection* connection) {
 }
 
 // What the child process does, until the other end hangs up.
-void Serve(const std::string& path, Connection* connection) {
+void Serve(const std::string& path, int max_seconds, Connection* connection) {
   std::unique_ptr<Hdf5Library> file;
   while (true) {
+    LimitTime(max_seconds);
     try {
       if (file == nullptr) {
         file = std::make_unique<Hdf5Library>(path);
@@ -149,7 +163,7 @@ bool IsHdf5Path(const std::string& path) {
 // The child process and the connection to it.
 class Hdf5File::Reader {
  public:
-  explicit Reader(const std::string& path) {
+  Reader(const std::string& path, int max_seconds) {
     // Otherwise a child of another thread could keep this child's end open,
     // whose closing tells of a crash.
     static std::mutex mutex;
@@ -159,16 +173,13 @@ class Hdf5File::Reader {
       throw std::runtime_error(std::strerror(errno));
     }
     process_ = fork();
-    if (process_ == 0) RunChild(path, sockets[1]);
+    if (process_ == 0) RunChild(path, max_seconds, sockets[1]);
     close(sockets[1]);
     connection_ = std::make_unique<Connection>(sockets[0]);
     if (process_ < 0) throw std::runtime_error(std::strerror(errno));
   }
 
-  ~Reader() {
-    connection_->HangUp();
-    waitpid(process_, nullptr, 0);
-  }
+  ~Reader() { End(); }
 
   // Runs exchange(connection), whose last word is the other side's.
   template <typename Exchange>
@@ -176,7 +187,10 @@ class Hdf5File::Reader {
     try {
       return exchange(connection_.get());
     } catch (const ConnectionLost&) {
-      throw std::runtime_error("damaged HDF5 file, which libhdf5 crashes on");
+      throw std::runtime_error(
+          End() == SIGXCPU
+              ? "HDF5 file that libhdf5 comes to no end with; damaged?"
+              : "damaged HDF5 file, which libhdf5 crashes on");
     }
   }
 
@@ -187,11 +201,24 @@ class Hdf5File::Reader {
   }
 
  private:
-  [[noreturn]] static void RunChild(const std::string& path, int socket) {
+  // The signal that has ended the child process, or 0.
+  int End() {
+    connection_->HangUp();
+    int status = 0;
+    if (process_ > 0 && waitpid(process_, &status, 0) == process_) {
+      signal_ = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+    }
+    process_ = -1;
+    return signal_;
+  }
+
+  [[noreturn]] static void RunChild(const std::string& path,
+                                    int max_seconds,
+                                    int socket) {
     LimitMemory();
     try {
       Connection connection(socket);
-      Serve(path, &connection);
+      Serve(path, max_seconds, &connection);
     } catch (...) {
     }
     // Leaves the buffers and destructors of the parent alone.
@@ -199,11 +226,12 @@ class Hdf5File::Reader {
   }
 
   pid_t process_ = -1;
+  int signal_ = 0;
   std::unique_ptr<Connection> connection_;
 };
 
-Hdf5File::Hdf5File(const std::string& path)
-    : reader_(std::make_unique<Reader>(path)) {
+Hdf5File::Hdf5File(const std::string& path, int max_seconds)
+    : reader_(std::make_unique<Reader>(path, max_seconds)) {
   reader_->Run(&Reader::ReadAnswer);
 }
 

@@ -18,13 +18,15 @@ bool IsHdf5Path(const std::string& path);
 
 // An open file. Methods throw std::runtime_error with the reason.
 //
-// libhdf5 reads and writes out of bounds where a file is damaged on purpose. So
-// a child process reads, which gets 4 GB of memory beyond what this one has; a
-// crash there is an error here. Objects are independent of each other, also in
-// threads; one serves one thread at a time.
+// libhdf5 reads and writes out of bounds, or goes in circles, where a file is
+// damaged on purpose. So a child process reads, which gets 4 GB of memory
+// beyond what this one has, and `max_seconds` of processor time for each
+// answer; the largest map takes some 10. A crash there is an error here.
+// Objects are independent of each other, also in threads; one serves one thread
+// at a time.
 class Hdf5File {
  public:
-  explicit Hdf5File(const std::string& path);
+  explicit Hdf5File(const std::string& path, int max_seconds = 60);
   ~Hdf5File();
 
   // Paths, without a leading slash, of all groups that hold the data set `name`

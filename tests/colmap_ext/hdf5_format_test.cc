@@ -3,9 +3,12 @@
 #include "tests/testing/test_dir.h"
 
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -18,6 +21,7 @@
 namespace dgsfm::internal {
 namespace {
 
+using testing::AnyOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
@@ -86,6 +90,34 @@ TEST(Hdf5File, SurvivesACrashOfTheReadingProcess) {
                 ThrowsMessage<std::runtime_error>(HasSubstr("crashes")));
     EXPECT_THROW(file.FindGroups(""), std::runtime_error);
   }
+  EXPECT_TRUE(Children().empty());
+}
+
+// The list of free pieces in a group's heap of names goes in a circle.
+TEST(Hdf5File, EndsWhereLibhdf5GoesInCircles) {
+  const std::string path = WriteFile();
+  if (path.empty()) GTEST_SKIP() << "no Python with h5py";
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  const std::string bytes(std::istreambuf_iterator<char>(file), {});
+  // Signature, version and size of the data, then where in them the list begins
+  // and where they are. A piece begins with the place of the next one and its
+  // own size.
+  const size_t heap = bytes.find("HEAP");
+  ASSERT_NE(heap, std::string::npos);
+  const auto number = [&bytes](size_t pos) {
+    uint64_t value = 0;
+    std::memcpy(&value, bytes.data() + pos, sizeof(value));
+    return value;
+  };
+  const uint64_t begin = number(heap + 16);
+  const uint64_t piece[] = {begin, 16};
+  file.seekp(number(heap + 24) + begin);
+  file.write(reinterpret_cast<const char*>(piece), sizeof(piece));
+  file.close();
+  // The kernel counts whole seconds. Later versions of libhdf5 see the circle.
+  EXPECT_THAT([&] { Hdf5File(path, /*max_seconds=*/0).FindGroups("depth"); },
+              ThrowsMessage<std::runtime_error>(
+                  AnyOf(HasSubstr("comes to no end"), HasSubstr("damaged"))));
   EXPECT_TRUE(Children().empty());
 }
 
