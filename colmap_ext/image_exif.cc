@@ -11,7 +11,7 @@ namespace {
 // Of a frame of 36 mm x 24 mm.
 constexpr double kFilmDiagonalMm = 43.2666;
 
-FITAG* FindTag(const ImageHeader& header,
+FITAG* FindTag(const ImageFile& header,
                FREE_IMAGE_MDMODEL model,
                const char* name) {
   FITAG* tag = nullptr;
@@ -20,7 +20,7 @@ FITAG* FindTag(const ImageHeader& header,
 }
 
 // As text; empty if there is no such tag.
-std::string ReadTag(const ImageHeader& header,
+std::string ReadTag(const ImageFile& header,
                     FREE_IMAGE_MDMODEL model,
                     const char* name) {
   FITAG* tag = FindTag(header, model, name);
@@ -32,7 +32,7 @@ std::string ReadTag(const ImageHeader& header,
 }  // namespace
 
 ImageExif ReadImageExif(const std::string& path) {
-  const ImageHeader header = ReadImageHeader(path);
+  const ImageFile header = ReadImageHeader(path);
   ImageExif exif;
   const std::string make = ReadTag(header, FIMD_EXIF_MAIN, "Make");
   const std::string model = ReadTag(header, FIMD_EXIF_MAIN, "Model");

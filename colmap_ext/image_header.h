@@ -1,4 +1,4 @@
-// The header of an image file, without its pixels.
+// Image files as FreeImage reads them: their headers, or all of them.
 
 #pragma once
 
@@ -9,9 +9,13 @@
 
 namespace dgsfm {
 
-using ImageHeader = std::unique_ptr<FIBITMAP, decltype(&FreeImage_Unload)>;
+using ImageFile = std::unique_ptr<FIBITMAP, decltype(&FreeImage_Unload)>;
 
-// Throws std::runtime_error naming the file if it is no readable image.
-ImageHeader ReadImageHeader(const std::string& path);
+// The flags are those of FreeImage_Load. Throws std::runtime_error naming the
+// file if it is no readable image.
+ImageFile ReadImageFile(const std::string& path, int flags);
+
+// The same without the pixels.
+ImageFile ReadImageHeader(const std::string& path);
 
 }  // namespace dgsfm

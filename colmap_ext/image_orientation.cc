@@ -8,7 +8,7 @@
 namespace dgsfm {
 
 int ReadExifOrientation(const std::string& path) {
-  const ImageHeader header = ReadImageHeader(path);
+  const ImageFile header = ReadImageHeader(path);
   FITAG* tag = nullptr;
   FreeImage_GetMetadata(FIMD_EXIF_MAIN, header.get(), "Orientation", &tag);
   if (tag == nullptr || FreeImage_GetTagType(tag) != FIDT_SHORT ||

@@ -1,5 +1,6 @@
 #include "controllers/point_colors.h"
 
+#include "colmap_ext/image_header.h"
 #include "colmap_ext/parallel.h"
 #include "sfm/model_access.h"
 
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <stdexcept>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -23,24 +25,19 @@ struct ColorSum {
   size_t count = 0;
 };
 
-bool ReadForColors(const std::string& path, colmap::Bitmap* bitmap) {
-  if (FreeImage_GetFileType(path.c_str()) != FIF_JPEG) {
-    return bitmap->Read(path);
+// JPEG at half its size. Throws std::runtime_error naming the file.
+colmap::Bitmap ReadForColors(const std::string& path) {
+  int flags = 0;
+  if (FreeImage_GetFileType(path.c_str()) == FIF_JPEG) {
+    const ImageFile header = ReadImageHeader(path);
+    // FreeImage takes the size to be decoded to from the upper half.
+    const unsigned size = std::max(FreeImage_GetWidth(header.get()),
+                                   FreeImage_GetHeight(header.get()));
+    flags = int(size / 2 << 16) | JPEG_FAST;
   }
-  // FreeImage takes the size to be decoded to from the upper half of its flags.
-  FIBITMAP* header = FreeImage_Load(FIF_JPEG, path.c_str(), FIF_LOAD_NOPIXELS);
-  if (header == nullptr) return false;
-  const unsigned size =
-      std::max(FreeImage_GetWidth(header), FreeImage_GetHeight(header)) / 2;
-  FreeImage_Unload(header);
-  FIBITMAP* decoded =
-      FreeImage_Load(FIF_JPEG, path.c_str(), int(size << 16) | JPEG_FAST);
-  if (decoded == nullptr) return false;
-  FIBITMAP* rgb = FreeImage_ConvertTo24Bits(decoded);
-  FreeImage_Unload(decoded);
-  if (rgb == nullptr) return false;
-  *bitmap = colmap::Bitmap(rgb);
-  return true;
+  FIBITMAP* rgb = FreeImage_ConvertTo24Bits(ReadImageFile(path, flags).get());
+  if (rgb == nullptr) throw std::runtime_error("no colours in image " + path);
+  return colmap::Bitmap(rgb);
 }
 
 std::vector<std::pair<colmap::point3D_t, Eigen::Vector3d>> ColorsInImage(
@@ -75,12 +72,12 @@ void ExtractPointColors(const std::string& image_path,
     const colmap::Image& image = model->Image(image_ids[i]);
     const std::string path =
         (std::filesystem::path(image_path) / image.Name()).string();
-    colmap::Bitmap bitmap;
-    if (!ReadForColors(path, &bitmap)) {
-      LOG(WARNING) << "Cannot read " << path << " for colours";
-      return;
+    try {
+      colors[i] = ColorsInImage(
+          image, model->Camera(image.CameraId()), ReadForColors(path));
+    } catch (const std::runtime_error& error) {
+      LOG(WARNING) << "No colours: " << error.what();
     }
-    colors[i] = ColorsInImage(image, model->Camera(image.CameraId()), bitmap);
   });
   std::unordered_map<colmap::point3D_t, ColorSum> sums;
   for (const auto& colors_in_image : colors) {
