@@ -1,11 +1,15 @@
-// Feeds a parser of depth files with arbitrary bytes: all it may do is throw
-// std::runtime_error, within the memory that depth_file_formats.h allows.
+// Feeds a parser of depth or match files with arbitrary bytes: all it may do is
+// throw std::runtime_error, within the memory that depth_file_formats.h allows.
 
+#include "colmap_ext/dense_match_file.h"
 #include "colmap_ext/depth_file_formats.h"
 #include "colmap_ext/depth_map.h"
 #include "colmap_ext/hdf5_format.h"
 #include "colmap_ext/npz_format.h"
+#include "tests/testing/npz_file.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
 #include <string>
@@ -18,15 +22,42 @@ namespace {
 
 using namespace internal;
 
+std::string TemporaryPath(const std::string& extension) {
+  return "/dev/shm/dgsfm_fuzz_" + std::to_string(getpid()) + extension;
+}
+
 // For libraries that read files only.
 [[maybe_unused]] std::string WriteFile(const std::vector<uint8_t>& bytes,
                                        const std::string& extension) {
-  const std::string path =
-      "/dev/shm/dgsfm_fuzz_" + std::to_string(getpid()) + extension;
+  const std::string path = TemporaryPath(extension);
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   return path;
 }
+
+#ifdef DGSFM_FUZZ_MATCHES
+// The bytes are arrays one behind the other: in an archive whose checksums
+// hold, what is in them counts.
+std::string WriteArrays(const std::vector<uint8_t>& bytes) {
+  const std::string path = TemporaryPath(".npz");
+  std::filesystem::remove(path);
+  const std::string text(bytes.begin(), bytes.end());
+  size_t begin = 0;
+  for (const char* name : {"a<>b/keypoints0",
+                           "a<>b/keypoints1",
+                           "a<>b/scores",
+                           "c<>d/matches",
+                           "c<>d/confidence"}) {
+    const size_t end = std::min(text.size(), text.find("\x93NUMPY", begin + 1));
+    AddToNpz(path,
+             std::string(name) + ".npy",
+             text.substr(begin, end - begin),
+             ZIP_CM_STORE);
+    begin = end;
+  }
+  return path;
+}
+#endif
 
 void Parse(const std::vector<uint8_t>& bytes) {
 #if defined(DGSFM_FUZZ_NPY)
@@ -48,6 +79,14 @@ void Parse(const std::vector<uint8_t>& bytes) {
   const Hdf5File file(WriteFile(bytes, ".h5"));
   for (const std::string& group : file.FindGroups("")) {
     file.Read(group, "depth");
+  }
+#elif defined(DGSFM_FUZZ_MATCHES)
+  const DenseMatchFile file(WriteArrays(bytes));
+  for (const std::string& group : file.Groups()) {
+    try {
+      file.Read(group);
+    } catch (const std::runtime_error&) {
+    }
   }
 #elif defined(DGSFM_FUZZ_BLOB)
   if (bytes.size() < 4) return;
