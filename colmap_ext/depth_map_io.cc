@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
@@ -121,13 +122,39 @@ void ConvertGrid(DepthGrid grid,
       grid.width, grid.height, options.unit, std::move(grid.values)};
 }
 
-// Mean focal length [px of the image] of the depth model's camera matrix, in
-// units of the map's size or, if the principal point says so, of the map's
-// pixels; of a vector the first number. Map and image as the model saw them.
+struct Size {
+  double width = 0;
+  double height = 0;
+};
+
+// What a camera matrix has as its unit: pixels of the map or of the image, or
+// the sides themselves. That whose centre is next to the principal point.
+Size FindUnit(double cx, double cy, const Size& map, const Size& image) {
+  const auto offset = [&](const Size& size) {
+    return std::hypot(cx / size.width - 0.5, cy / size.height - 0.5);
+  };
+  const Size units[] = {map, {1, 1}, image};
+  const Size unit = *std::min_element(
+      std::begin(units), std::end(units), [&](const Size& a, const Size& b) {
+        return offset(a) < offset(b);
+      });
+  if (!(offset(unit) < 0.5)) {
+    std::ostringstream message;
+    message << "the principal point (" << cx << ", " << cy
+            << ") of the array intrinsics is far from the centre of the "
+            << internal::FormatSize(map.width, map.height)
+            << " map, of the image and of the unit square";
+    throw std::runtime_error(message.str());
+  }
+  return unit;
+}
+
+// Mean focal length [px of the image] of the depth model's camera matrix; of a
+// vector the first number, in pixels of the map. Map and image as the model saw
+// them.
 double FocalLengthOfIntrinsics(const NumberArray& intrinsics,
-                               const DepthGrid& depth,
-                               int image_width,
-                               int image_height) {
+                               const Size& map,
+                               const Size& image) {
   const std::vector<float>& values = intrinsics.values;
   // A matrix that some networks write for want of one.
   if (values == std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1}) return 0;
@@ -139,10 +166,10 @@ double FocalLengthOfIntrinsics(const NumberArray& intrinsics,
   }
   const double fx = values[0];
   const double fy = is_matrix ? values[4] : fx;
-  const bool is_normalized = is_matrix && values[2] <= 1 && values[5] <= 1;
+  const Size unit =
+      is_matrix ? FindUnit(values[2], values[5], map, image) : map;
   const double focal_length_px =
-      0.5 * (fx / (is_normalized ? 1 : depth.width) * image_width +
-             fy / (is_normalized ? 1 : depth.height) * image_height);
+      0.5 * (fx / unit.width * image.width + fy / unit.height * image.height);
   if (!(fx > 0 && fy > 0 && std::isfinite(focal_length_px))) {
     throw std::runtime_error(
         "the array intrinsics has no positive focal length");
@@ -159,8 +186,10 @@ ImportedDepth ConvertRawDepth(RawDepth raw,
     int width = static_cast<int>(camera.Width());
     int height = static_cast<int>(camera.Height());
     TurnSize(orientation, &width, &height);
-    result.focal_length_px =
-        FocalLengthOfIntrinsics(*raw.intrinsics, raw.depth, width, height);
+    result.focal_length_px = FocalLengthOfIntrinsics(
+        *raw.intrinsics,
+        {double(raw.depth.width), double(raw.depth.height)},
+        {double(width), double(height)});
   }
   internal::ApplyConfidence(options, &raw);
   if (orientation != 1) raw.depth = internal::TurnBack(raw.depth, orientation);

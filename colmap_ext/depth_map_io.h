@@ -82,9 +82,10 @@ const std::vector<std::string>& DepthFileExtensions();
 //   coordinate of `points` (height x width x 3); pixels that the arrays `mask`,
 //   `conf` or `confidence`, or `uncertainty` exclude are unknown; the array
 //   `intrinsics` or `intrinsic` has the focal length: a camera matrix in units
-//   of the map's width and height, as MoGe has it, or in pixels of the map, or
-//   a vector that begins with the focal length in pixels of the map; an
-//   identity matrix counts as none;
+//   of the map's width and height, as MoGe has it, or in pixels of the map or
+//   of the image, which its principal point tells apart, or a vector that
+//   begins with the focal length in pixels of the map; an identity matrix
+//   counts as none;
 // - .exr: see ParseExr; .tif, .tiff: see ParseTiff;
 // - .pfm: one channel;
 // - .png: 16 bits, one channel; 65535 is unknown;

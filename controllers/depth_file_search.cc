@@ -132,7 +132,9 @@ std::vector<std::string> UnusedFiles(
 
 void CheckFolder(const std::string& path, const std::string& what) {
   if (fs::is_directory(path)) return;
-  throw std::runtime_error(what + " folder " + path + " does not exist");
+  throw std::runtime_error(
+      what + " folder " + path +
+      (fs::exists(path) ? " is a file" : " does not exist"));
 }
 
 }  // namespace

@@ -8,10 +8,12 @@
 #include "colmap_ext/scene_database.h"
 #include "controllers/depth_file_search.h"
 #include "controllers/progress.h"
+#include "estimators/median.h"
 
 #include <algorithm>
 #include <filesystem>
 #include <iomanip>
+#include <iterator>
 #include <map>
 #include <mutex>
 #include <sstream>
@@ -85,8 +87,15 @@ ImageDepth ReadImageDepth(const DepthFile& file,
   result.summary.height = depth_map.height;
   result.summary.coverage = imported.coverage;
   result.summary.num_keypoints = depths.size();
-  result.summary.num_keypoints_with_depth = std::count_if(
-      depths.begin(), depths.end(), [](float depth) { return depth > 0; });
+  std::vector<double> known_depths;
+  std::copy_if(depths.begin(),
+               depths.end(),
+               std::back_inserter(known_depths),
+               [](float depth) { return depth > 0; });
+  result.summary.num_keypoints_with_depth = known_depths.size();
+  if (!known_depths.empty()) {
+    result.summary.median_depth = Median(std::move(known_depths));
+  }
   result.summary.focal_length_px = imported.focal_length_px;
   result.summary.is_stretched = imported.is_stretched;
   if (!options.keypoints_only) result.depth_map = CompressDepth(depth_map);
@@ -213,6 +222,11 @@ std::string DepthImportSummary::ToText() const {
          << " key points with depth ("
          << Percentage(image.num_keypoints_with_depth, image.num_keypoints)
          << " %)";
+    if (image.num_keypoints_with_depth > 0) {
+      // Whoever forgot depth_scale sees it here.
+      text << ", median depth " << std::defaultfloat << std::setprecision(3)
+           << image.median_depth << std::fixed << std::setprecision(1);
+    }
     if (image.focal_length_px > 0) {
       text << ", focal length " << image.focal_length_px << " px";
     }

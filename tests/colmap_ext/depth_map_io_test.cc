@@ -259,6 +259,11 @@ TEST_F(DepthMapIo, ReadsFocalLengthOfTheDepthModel) {
   // In pixels of the 3 x 2 map, which are 100 of the image.
   EXPECT_DOUBLE_EQ(focal_of({2.5f, 0, 1.5f, 0, 2.5f, 1, 0, 0, 1}), 250);
   EXPECT_DOUBLE_EQ(focal_of({2.5f, 1.5f, 1}, "(3,)"), 250);
+  // In pixels of the image.
+  EXPECT_DOUBLE_EQ(focal_of({260, 0, 155, 0, 240, 90, 0, 0, 1}), 250);
+  EXPECT_DOUBLE_EQ(focal_of({260, 0, 155, 0, 240, 90, 0, 0, 1}, "(3, 3)", 6),
+                   250);
+  EXPECT_THROW(focal_of({260, 0, 15, 0, 240, 9, 0, 0, 1}), std::runtime_error);
   EXPECT_EQ(focal_of({1, 0, 0, 0, 1, 0, 0, 0, 1}), 0);
   EXPECT_THROW(focal_of({-2, 0, 0.5f, 0, 1, 0.5f, 0, 0, 1}),
                std::runtime_error);

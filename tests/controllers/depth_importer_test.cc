@@ -143,7 +143,7 @@ TEST_F(DepthImporter, SummaryAsText) {
   WriteMap("z.npy", 2);
   EXPECT_EQ(Import().ToText(),
             "sub/a.jpg: 3 x 2 map, 66.7 % known, 1 of 2 key points with depth "
-            "(50.0 %)\n"
+            "(50.0 %), median depth 2\n"
             "file without image: z.npy\n"
             "image without depth: b.jpg\n"
             "image without depth: c.jpg\n"
