@@ -230,8 +230,10 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
           << "image " << name << " has " << select.Int(2)
           << " key points, but depth was imported for "
           << (select.Int(4) == select.Int(2) ? "other " : "") << select.Int(4)
-          << "; features were extracted again since: run depth_importer "
-             "again";
+          << "; features were "
+          << (select.Int(2) == 0 ? "deleted since: extract them and"
+                                 : "extracted again since:")
+          << " run depth_importer again";
     }
     all_depths.emplace(static_cast<colmap::image_t>(select.Int(0)),
                        std::move(depths));

@@ -362,7 +362,9 @@ TEST_F(DepthDatabaseTest, NoticesThatFeaturesWereExtractedAgain) {
   Execute("DELETE FROM keypoints WHERE image_id = 1");
   ExpectReadFails(
       [](const auto& database) { database.ReadAllKeypointDepths(); },
-      {"image a.jpg has 0 key points", "for 3", "depth_importer again"});
+      {"image a.jpg has 0 key points",
+       "for 3",
+       "deleted since: extract them and run depth_importer again"});
   ExpectReadFails([](const auto& database) { database.ReadPairGeometries(); },
                   {"pair a.jpg - b.jpg", "run depth_geometric_verifier"});
 }
