@@ -41,7 +41,7 @@ struct DepthImportSummary {
     double coverage = 0;  // share of map pixels with known depth
     size_t num_keypoints = 0;
     size_t num_keypoints_with_depth = 0;
-    double median_depth = 0;  // of these [unit of depth]
+    double median_depth = 0;     // of these [unit of depth]
     double focal_length_px = 0;  // by the depth model, 0 = unknown
     bool is_stretched = false;   // another aspect than the image's
   };
