@@ -344,8 +344,21 @@ def write_map(path, maps):
     partial.rename(path)
 
 
+def load_images(options, paths, failed):
+    """Those that can be read, by their paths; the others are named."""
+    images = {}
+    for path in paths:
+        try:
+            images[path] = load_image(options.image_path / path)
+        except OSError as error:
+            print(f"\n{path}: {error}", file=sys.stderr)
+            failed.append(path)
+    return images
+
+
 def main():
     options = parse_arguments()
+    failed = []
     all_images, images = find_images(options)
     print(f"{len(all_images)} images, {len(images)} without a map", file=sys.stderr)
     if not images:
@@ -354,8 +367,9 @@ def main():
     begin = time.monotonic()
     for start in range(0, len(images), options.batch_size):
         batch = images[start : start + options.batch_size]
-        loaded = [load_image(options.image_path / path) for path in batch]
-        for path, maps in zip(batch, model.estimate(loaded)):
+        loaded = load_images(options, batch, failed)
+        results = model.estimate(list(loaded.values())) if loaded else []
+        for path, maps in zip(loaded, results):
             if maps["depth"].ndim != 2:
                 sys.exit(f"the model's depth has the shape {maps['depth'].shape}")
             write_map(map_path(options, path), maps)
@@ -366,6 +380,8 @@ def main():
             end="", file=sys.stderr, flush=True,
         )  # fmt: skip
     print(file=sys.stderr)
+    if failed:
+        sys.exit(f"{len(failed)} images could not be read, the first: {failed[0]}")
 
 
 if __name__ == "__main__":

@@ -99,6 +99,15 @@ def main():
         assert "3 images, 1 without a map" in result.stderr, result.stderr
         assert (folder / "depth" / "b.png.npz").exists()
 
+        # One that cannot be read does not stop the others.
+        (folder / "depth" / "b.png.npz").unlink()
+        (folder / "images" / "a2.png").write_bytes(b"no image")
+        result = run(*arguments)
+        assert result.returncode == 1
+        assert "could not be read, the first: a2.png" in result.stderr, result.stderr
+        assert (folder / "depth" / "b.png.npz").exists()
+        (folder / "images" / "a2.png").unlink()
+
         (folder / "depth" / "b.png.npz").unlink()
         result = run("moge3", *arguments[1:5])
         assert "no model moge3: moge2," in result.stderr, result.stderr
