@@ -26,6 +26,7 @@ using internal::NumberArray;
 using internal::RawDepth;
 
 constexpr double kMaxAspectError = 0.02;
+constexpr double kUnknownStep = 65535;
 
 // Relative difference of the aspects of two sizes.
 double AspectError(double width1,
@@ -303,8 +304,9 @@ void WriteDepthPng(const std::string& path,
   std::vector<uint16_t> steps;
   steps.reserve(depth_map.values.size());
   for (const float depth : depth_map.values) {
-    const double step = std::clamp(std::round(depth / scale), 1.0, 65534.0);
-    steps.push_back(depth > 0 ? static_cast<uint16_t>(step) : 0);
+    const double step = std::max(1.0, std::round(depth / scale));
+    const bool is_known = depth > 0 && step < kUnknownStep;
+    steps.push_back(is_known ? static_cast<uint16_t>(step) : 0);
   }
   internal::WritePng16(path, depth_map.width, depth_map.height, steps);
 }

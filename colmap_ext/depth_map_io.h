@@ -118,8 +118,8 @@ enum class NpyPrecision { HALF, SINGLE };
 void WriteDepthNpy(const std::string& path,
                    const DepthMap& depth_map,
                    NpyPrecision precision);
-// 16 bits with `scale` [unit of depth] per step. Known depth stays known: it
-// saturates at 1 and 65534 steps.
+// 16 bits with `scale` [unit of depth] per step, at least one; beyond 65534
+// steps depth becomes unknown.
 void WriteDepthPng(const std::string& path,
                    const DepthMap& depth_map,
                    double scale);
