@@ -2,19 +2,18 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/depth_database.h"
-#include "colmap_ext/depth_file_formats.h"
 #include "colmap_ext/depth_map_io.h"
 #include "colmap_ext/model_io.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
+#include "controllers/splatting_depth.h"
 #include "estimators/median.h"
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <iomanip>
 #include <sstream>
 #include <stdexcept>
@@ -30,8 +29,6 @@ namespace fs = std::filesystem;
 // Of the inverse depths of all images, this share is told apart; nearer ones
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
-constexpr double kSplattingSteps = 65536;
-constexpr double kMaxPixel = 65535;
 
 // A model, its points by their ids.
 struct Model {
@@ -108,27 +105,7 @@ std::string FileName(const std::string& image_name, DepthExportFormat format) {
     case DepthExportFormat::GAUSSIAN_SPLATTING:
       break;
   }
-  return fs::path(image_name).replace_extension(".png").generic_string();
-}
-
-void WriteSplattingPng(const std::string& path,
-                       const DepthMap& depth_map,
-                       double scale) {
-  std::vector<uint16_t> pixels;
-  pixels.reserve(depth_map.values.size());
-  for (const float depth : depth_map.values) {
-    const double pixel = std::clamp(
-        std::round(kSplattingSteps / (scale * depth)), 1.0, kMaxPixel);
-    pixels.push_back(depth > 0 ? static_cast<uint16_t>(pixel) : 0);
-  }
-  internal::WritePng16(path, depth_map.width, depth_map.height, pixels);
-}
-
-void WriteText(const fs::path& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path.string());
+  return SplattingFileName(image_name);
 }
 
 // An image to be exported, all that is decided before its map is read again.
@@ -157,6 +134,11 @@ class Exporter {
     std::vector<Job> jobs = FindJobs();
     const bool is_for_splatting =
         options_.format == DepthExportFormat::GAUSSIAN_SPLATTING;
+    SplattingScales scales;
+    if (is_for_splatting) {
+      scales = ImagesForSplatting(jobs);
+      CheckSplattingNames(scales);
+    }
     if (model_ || is_for_splatting) {
       ForEach("Aligning depth maps", &jobs, [&](Job* job, DepthMap map) {
         Prepare(job, std::move(map));
@@ -170,19 +152,21 @@ class Exporter {
       summary_.images_with_few_points.push_back(job->name);
     }
     jobs.erase(last, jobs.end());
+    double max_inverse_depth = 0;
     for (const Job& job : jobs) {
-      splatting_scale_ = std::max(splatting_scale_, job.near_inverse_depth);
+      max_inverse_depth = std::max(max_inverse_depth, job.near_inverse_depth);
     }
-    splatting_scale_ *= kSplattingSteps / kMaxPixel;
+    splatting_scale_ = SplattingScale(max_inverse_depth);
     ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
       Write(*job, std::move(map));
     });
     for (Job& job : jobs) {
+      scales[job.name] = splatting_scale_;
       summary_.exported.push_back({job.name,
                                    FileName(job.name, options_.format),
                                    std::move(job.alignment)});
     }
-    if (is_for_splatting) WriteSplattingParameters();
+    if (is_for_splatting) WriteSplattingParameters(output_path_, scales);
     if (model_) WriteAlignments();
     return std::move(summary_);
   }
@@ -302,15 +286,18 @@ class Exporter {
     }
   }
 
-  void WriteSplattingParameters() const {
-    nlohmann::ordered_json json = nlohmann::ordered_json::object();
-    for (const DepthExportSummary::Image& image : summary_.exported) {
-      const std::string key =
-          fs::path(image.name).replace_extension().generic_string();
-      json[key] = {{"scale", splatting_scale_}, {"offset", 0.0}};
+  // Of the images of the model or, without one, of the database, none yet.
+  SplattingScales ImagesForSplatting(const std::vector<Job>& jobs) const {
+    SplattingScales scales;
+    if (model_) {
+      for (const auto& [name, image] : model_->images) scales[name] = 0;
+      return scales;
     }
-    WriteText(fs::path(output_path_) / "depth_params.json",
-              json.dump(2) + "\n");
+    for (const Job& job : jobs) scales[job.name] = 0;
+    for (const std::string& name : summary_.images_without_map) {
+      scales[name] = 0;
+    }
+    return scales;
   }
 
   void WriteAlignments() const {
@@ -323,14 +310,15 @@ class Exporter {
                           {"scale_residual", image.alignment->scale_residual},
                           {"residual", image.alignment->residual}};
     }
-    WriteText(fs::path(output_path_) / "alignment.json", json.dump(2) + "\n");
+    WriteTextFile((fs::path(output_path_) / "alignment.json").string(),
+                  json.dump(2) + "\n");
   }
 
   const std::string database_path_;
   const std::string output_path_;
   const DepthExportOptions& options_;
   std::optional<Model> model_;
-  // Inverse depth that is one step beyond the largest pixel.
+  // See SplattingScale.
   double splatting_scale_ = 0;
   DepthExportSummary summary_;
 };

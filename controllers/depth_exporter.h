@@ -14,15 +14,11 @@
 namespace dgsfm {
 
 enum class DepthExportFormat {
-  NPY,        // a.jpg.npy, 32-bit floats
-  PNG,        // a.jpg.png, 16 bits, png_scale per step
-  EXR,        // a.jpg.exr, channel Z
-  DENSE_BIN,  // a.jpg.geometric.bin, as COLMAP's dense stereo has it
-  // a.png, 16 bits of inverse depth, and depth_params.json with the scale and
-  // offset to inverse depth, as 3D Gaussian splatting reads them: inverse depth
-  // = pixel / 65536 * scale + offset, 0 unknown. One scale for all images,
-  // because it distrusts images whose scale is far from the others'.
-  GAUSSIAN_SPLATTING,
+  NPY,                 // a.jpg.npy, 32-bit floats
+  PNG,                 // a.jpg.png, 16 bits, png_scale per step
+  EXR,                 // a.jpg.exr, channel Z
+  DENSE_BIN,           // a.jpg.geometric.bin, as COLMAP's dense stereo has it
+  GAUSSIAN_SPLATTING,  // a.png and depth_params.json, see splatting_depth.h
 };
 
 struct DepthExportOptions {

@@ -1,6 +1,7 @@
 #include "controllers/output_folder.h"
 
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 
 namespace dgsfm {
@@ -14,6 +15,13 @@ void CreateOutputFolder(const std::string& path) {
     throw std::runtime_error("cannot create the output folder " + path +
                              (error ? ": " + error.message() : ""));
   }
+}
+
+void WriteTextFile(const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file) throw std::runtime_error("cannot write " + path);
 }
 
 }  // namespace dgsfm

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/depth_map_io.h"
+#include "colmap_ext/sqlite.h"
 #include "controllers/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/colmap_database.h"
@@ -12,7 +13,9 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <stdexcept>
+#include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -139,6 +142,18 @@ TEST_F(DepthExporterTest, AlignsMapsToTheModel) {
               HasSubstr("\"num_points\": 40"));
 }
 
+// The different scales in depth_params.json.
+std::set<std::string> FindScales(const std::string& json) {
+  const std::string key = "\"scale\": ";
+  std::set<std::string> scales;
+  for (size_t pos = json.find(key); pos != std::string::npos;
+       pos = json.find(key, pos + 1)) {
+    const size_t begin = pos + key.size();
+    scales.insert(json.substr(begin, json.find(',', begin) - begin));
+  }
+  return scales;
+}
+
 TEST_F(DepthExporterTest, SplattingGetsOneScaleForAllImages) {
   DepthExportOptions options;
   options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
@@ -148,6 +163,30 @@ TEST_F(DepthExporterTest, SplattingGetsOneScaleForAllImages) {
   EXPECT_THAT(json, HasSubstr("\"sub/a\""));
   EXPECT_THAT(json, HasSubstr("\"b\""));
   EXPECT_THAT(json, HasSubstr("\"offset\": 0.0"));
+  // d.jpg has no map.
+  EXPECT_EQ(FindScales(json).size(), 2);
+  EXPECT_EQ(FindScales(json).count("0.0"), 1);
+  EXPECT_TRUE(fs::exists(dir_ + "/out/d.png"));
+
+  // b.jpg has few points, c.jpg and d.jpg are not in the model.
+  ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/aligned", options);
+  const std::string aligned = FileContent(dir_ + "/aligned/depth_params.json");
+  EXPECT_THAT(aligned, HasSubstr("\"b\""));
+  EXPECT_EQ(FindScales(aligned).count("0.0"), 1);
+  EXPECT_TRUE(fs::exists(dir_ + "/aligned/b.png"));
+  EXPECT_FALSE(fs::exists(dir_ + "/aligned/d.png"));
+}
+
+TEST_F(DepthExporterTest, SplattingRefusesImagesOfOneName) {
+  SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute("UPDATE images SET name = 'b.png' WHERE image_id = 4");
+  DepthExportOptions options;
+  options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
+  ExpectError(
+      [&] {
+        ExportDepthMaps(database_path_, std::nullopt, dir_ + "/out", options);
+      },
+      "images b.jpg and b.png would share the depth map b.png");
 }
 
 TEST_F(DepthExporterTest, SaysWhatIsMissing) {
