@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
@@ -52,6 +53,12 @@ void CheckDataSize(size_t data_size, uint64_t width, uint64_t height) {
 }
 
 }  // namespace
+
+std::string LowerExtension(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension();
+  for (char& c : extension) c = std::tolower(static_cast<unsigned char>(c));
+  return extension;
+}
 
 void CheckGridSize(uint64_t width, uint64_t height) {
   if (width >= 1 && height >= 1 && width <= kMaxDepthMapSize &&

@@ -36,6 +36,9 @@ struct NumberArray {
   std::vector<float> values;
 };
 
+// What the path ends in, with the dot, in small letters.
+std::string LowerExtension(const std::string& path);
+
 // Throws if there are more values than any depth map has.
 uint64_t CountValues(const std::vector<uint64_t>& shape);
 

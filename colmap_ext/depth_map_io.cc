@@ -116,7 +116,8 @@ void ConvertGrid(DepthGrid grid,
   if (num_known == 0) {
     throw std::runtime_error("no pixel of the " +
                              internal::FormatSize(grid.width, grid.height) +
-                             " depth map has a positive finite depth");
+                             " depth map has a positive finite depth that "
+                             "mask, confidence and max_depth leave");
   }
   result->coverage = static_cast<double>(num_known) / grid.values.size();
   result->depth_map = {

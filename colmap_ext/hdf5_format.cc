@@ -6,7 +6,6 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <mutex>
 #include <stdexcept>
@@ -156,7 +155,7 @@ void Serve(const std::string& path, int max_seconds, Connection* connection) {
 }  // namespace
 
 bool IsHdf5Path(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension();
+  const std::string extension = LowerExtension(path);
   return extension == ".h5" || extension == ".hdf5";
 }
 

@@ -60,7 +60,7 @@ RawDepth ReadArrays(const Read& read) {
 
 // The only grid of a file; PNG of either depth.
 DepthGrid ReadGrid(const std::string& path, int png_bit_depth) {
-  const std::string extension = std::filesystem::path(path).extension();
+  const std::string extension = LowerExtension(path);
   const std::vector<uint8_t> bytes = ReadFile(path);
   if (extension == ".npy") return ToGrid(ParseNpy(bytes));
   if (extension == ".pfm") return ParsePfm(bytes);
@@ -80,7 +80,7 @@ RawDepth ReadArraysOrGrid(const DepthFile& file) {
     return ReadArrays(
         [&](const char* name) { return archive.Read(file.group, name); });
   }
-  const std::string extension = std::filesystem::path(file.path).extension();
+  const std::string extension = LowerExtension(file.path);
   if (extension == ".npz") {
     const NpzFile archive(file.path);
     return ReadArrays([&](const char* name) { return archive.Read(name); });

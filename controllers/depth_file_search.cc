@@ -48,8 +48,9 @@ FilesByName ListFolder(const std::string& folder) try {
            folder, fs::directory_options::follow_directory_symlink)) {
     const fs::path file = entry.path().lexically_relative(folder);
     if (!IsFile(entry) ||
-        std::find(extensions.begin(), extensions.end(), file.extension()) ==
-            extensions.end() ||
+        std::find(extensions.begin(),
+                  extensions.end(),
+                  internal::LowerExtension(file)) == extensions.end() ||
         HasBetterVersion(entry.path())) {
       continue;
     }

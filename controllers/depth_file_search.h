@@ -21,8 +21,9 @@ struct DepthFileSearch {
 //
 // In a folder, the file of an image lies in the same sub-folder as the image
 // and is called like it with or without its extension: for image sub/a.jpg
-// sub/a.jpg.npy or sub/a.npy, or another of DepthFileExtensions(). Of COLMAP's
-// dense maps, a.jpg.geometric.bin goes before a.jpg.photometric.bin.
+// sub/a.jpg.npy or sub/a.npy, or another of DepthFileExtensions(), in capitals
+// too. Of COLMAP's dense maps, a.jpg.geometric.bin goes before
+// a.jpg.photometric.bin.
 //
 // In an HDF5 file, the group of an image is called like it, without its
 // extension, or like it without its sub-folders.

@@ -138,6 +138,12 @@ TEST_F(DepthImporter, StoresMapsAndSamples) {
   EXPECT_EQ(depths.count(image_id2_), 0);
 }
 
+TEST_F(DepthImporter, FindsFilesInCapitals) {
+  WriteMap("b.npy", 2);
+  fs::rename(depth_path_ + "/b.npy", depth_path_ + "/b.NPY");
+  EXPECT_EQ(Import().imported.size(), 1);
+}
+
 TEST_F(DepthImporter, SummaryAsText) {
   WriteMap("sub/a.npy", 2);
   WriteMap("z.npy", 2);
