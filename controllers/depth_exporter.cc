@@ -3,11 +3,12 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/depth_map_io.h"
-#include "colmap_ext/model_io.h"
+#include "colmap_ext/depth_undistortion.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
+#include "controllers/sparse_model.h"
 #include "controllers/splatting_depth.h"
 #include "estimators/median.h"
 
@@ -17,7 +18,6 @@
 #include <iomanip>
 #include <sstream>
 #include <stdexcept>
-#include <unordered_map>
 
 #include <nlohmann/json.hpp>
 
@@ -29,56 +29,6 @@ namespace fs = std::filesystem;
 // Of the inverse depths of all images, this share is told apart; nearer ones
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
-
-// A model, its points by their ids.
-struct Model {
-  std::map<std::string, ModelImage> images;
-  std::map<colmap::camera_t, colmap::Camera> cameras;
-  std::unordered_map<colmap::point3D_t, Eigen::Vector3d> points;
-};
-
-Model ReadModel(const std::string& path) {
-  const std::string folder = FindLargestModel(path);
-  Model model;
-  model.images = ReadModelImages(folder);
-  model.cameras = ReadModelCameras(folder);
-  for (const ModelPoint& point : ReadModelPoints(folder)) {
-    model.points.emplace(point.point3D_id, point.xyz);
-  }
-  return model;
-}
-
-// Points that the image sees, with the depth of the map there, edges of depth
-// left out.
-std::vector<DepthCorrespondence> FindCorrespondences(
-    const Model& model,
-    const ModelImage& image,
-    const colmap::Camera& camera,
-    const DepthMap& depth_map) {
-  std::vector<Eigen::Vector2d> positions;
-  std::vector<double> point_depths;
-  for (const ModelObservation& observation : image.observations) {
-    const auto point = model.points.find(observation.point3D_id);
-    if (point == model.points.end()) continue;
-    const double depth = (image.cam_from_world * point->second).z();
-    if (!(depth > 0)) continue;
-    positions.push_back(observation.xy);
-    point_depths.push_back(depth);
-  }
-  DepthSamplingOptions sampling;
-  sampling.keep_edges = false;
-  const std::vector<float> map_depths = SampleDepth(
-      depth_map, positions, camera.Width(), camera.Height(), sampling);
-  std::vector<DepthCorrespondence> correspondences;
-  for (size_t i = 0; i < positions.size(); ++i) {
-    if (map_depths[i] <= 0) continue;
-    correspondences.push_back({positions[i].x() / camera.Width(),
-                               positions[i].y() / camera.Height(),
-                               map_depths[i],
-                               point_depths[i]});
-  }
-  return correspondences;
-}
 
 void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
   size_t i = 0;
@@ -112,7 +62,9 @@ std::string FileName(const std::string& image_name, DepthExportFormat format) {
 struct Job {
   colmap::image_t image_id = colmap::kInvalidImageId;
   std::string name;
-  const ModelImage* model_image = nullptr;
+  // In the models, where there are any.
+  const colmap::Camera* camera = nullptr;
+  const colmap::Camera* undistorted_camera = nullptr;
   std::optional<DepthAlignment> alignment;
   bool has_few_points = false;
   double near_inverse_depth = 0;  // the quantile of the image
@@ -127,7 +79,10 @@ class Exporter {
       : database_path_(database_path),
         output_path_(output_path),
         options_(options) {
-    if (model_path) model_ = ReadModel(*model_path);
+    if (model_path) model_ = ReadSparseModel(*model_path);
+    if (!options.undistorted_path.empty()) {
+      undistorted_model_ = ReadSparseModel(options.undistorted_path);
+    }
   }
 
   DepthExportSummary Run() {
@@ -186,16 +141,15 @@ class Exporter {
       is_any_map = true;
       Job job = {image_id, image.Name()};
       if (model_) {
-        const auto model_image = model_->images.find(image.Name());
-        if (model_image == model_->images.end()) {
+        if (model_->images.count(image.Name()) == 0) {
           summary_.images_without_model.push_back(image.Name());
           continue;
         }
-        job.model_image = &model_image->second;
-        if (model_->cameras.count(job.model_image->camera_id) == 0) {
-          throw std::runtime_error("image " + image.Name() +
-                                   " has no camera in the model");
-        }
+        job.camera = &CameraOfImage(*model_, image.Name());
+      }
+      if (undistorted_model_) {
+        job.undistorted_camera =
+            &CameraOfImage(*undistorted_model_, image.Name());
       }
       jobs.push_back(std::move(job));
     }
@@ -229,11 +183,9 @@ class Exporter {
 
   void Prepare(Job* job, DepthMap depth_map) const {
     if (model_) {
-      const colmap::Camera& camera =
-          model_->cameras.at(job->model_image->camera_id);
       job->alignment = AlignDepth(
-          FindCorrespondences(*model_, *job->model_image, camera, depth_map),
-          static_cast<double>(camera.Width()) / camera.Height(),
+          FindDepthCorrespondences(*model_, job->name, depth_map),
+          static_cast<double>(job->camera->Width()) / job->camera->Height(),
           options_.alignment);
       job->has_few_points = !job->alignment.has_value();
       if (job->has_few_points) return;
@@ -253,6 +205,10 @@ class Exporter {
 
   void Write(const Job& job, DepthMap depth_map) const {
     if (job.alignment) ApplyAlignment(*job.alignment, &depth_map);
+    if (job.undistorted_camera != nullptr) {
+      depth_map =
+          UndistortDepth(depth_map, *job.camera, *job.undistorted_camera);
+    }
     const fs::path path =
         fs::path(output_path_) / FileName(job.name, options_.format);
     CreateOutputFolder(path.parent_path().string());
@@ -317,7 +273,8 @@ class Exporter {
   const std::string database_path_;
   const std::string output_path_;
   const DepthExportOptions& options_;
-  std::optional<Model> model_;
+  std::optional<SparseModel> model_;
+  std::optional<SparseModel> undistorted_model_;
   // See SplattingScale.
   double splatting_scale_ = 0;
   DepthExportSummary summary_;
@@ -377,6 +334,8 @@ DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const DepthExportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(model_path || options.undistorted_path.empty())
+      << options.undistorted_path;
   CreateOutputFolder(output_path);
   return Exporter(database_path, model_path, output_path, options).Run();
 }

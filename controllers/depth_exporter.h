@@ -24,6 +24,9 @@ enum class DepthExportFormat {
 struct DepthExportOptions {
   DepthExportFormat format = DepthExportFormat::NPY;
   DepthAlignmentOptions alignment;
+  // Model that image_undistorter made of the one the maps are fitted to: maps
+  // are those of its images. Empty for maps of the images in the database.
+  std::string undistorted_path;
   // Depth per step of a PNG [unit of depth].
   double png_scale = 0.001;
   // One per core if not positive.
@@ -58,8 +61,8 @@ struct DepthExportSummary {
 // points (see AlignDepth); alignment.json in output_path has scale, shift,
 // residuals and number of points of each image.
 //
-// Maps are of their own size and cover the image as it is in the database:
-// dense stereo and splatting expect undistorted images.
+// Maps are of their own size and cover the image as it is in the database, or
+// as it is in the undistorted model, which dense stereo and splatting expect.
 //
 // Throws std::runtime_error naming file or image if something cannot be read or
 // written, if the database holds no map (key points only, say), or if none of

@@ -15,6 +15,11 @@ void AddOptions(std::string* format,
                format,
                "npy, png (16 bits), exr, bin (COLMAP's dense maps) or 3dgs "
                "(16-bit inverse depth and depth_params.json)");
+  command->Add(
+      "undistorted_path",
+      &options->undistorted_path,
+      "Model that image_undistorter made of input_path: maps are those "
+      "of its images");
   command->Add("png_scale",
                &options->png_scale,
                "Depth per step of a PNG [unit of depth]");
@@ -76,6 +81,10 @@ int RunDepthExporter(int argc, char** argv) {
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
   if (!ParseChoices(format, model, &options)) return 2;
   std::string error;
+  if (input_path.empty() && !options.undistorted_path.empty()) {
+    std::cerr << "ERROR: undistorted_path needs input_path" << std::endl;
+    return 2;
+  }
   if (!options.IsValid(&error)) {
     std::cerr << "ERROR: " << error << std::endl;
     return 2;

@@ -63,11 +63,15 @@ class DepthExporterTest : public testing::Test {
     return map;
   }
 
-  void WriteModel() const {
+  // The camera may be of another size; key points are not.
+  void WriteModel(const std::string& folder = "model",
+                  double focal_length = 500,
+                  int width = 640,
+                  int height = 480) const {
     colmap::Reconstruction model;
     colmap::Camera camera;
     camera.SetCameraId(1);
-    camera.InitializeWithName("SIMPLE_PINHOLE", 500, 640, 480);
+    camera.InitializeWithName("SIMPLE_PINHOLE", focal_length, width, height);
     model.AddCamera(camera);
     for (const colmap::image_t image_id : {1, 2}) {
       colmap::Image image;
@@ -96,8 +100,8 @@ class DepthExporterTest : public testing::Test {
               Eigen::Vector3d((xy.x() - 320) / 500, (xy.y() - 240) / 500, 1),
           track);
     }
-    fs::create_directories(dir_ + "/model");
-    model.Write(dir_ + "/model");
+    fs::create_directories(dir_ + "/" + folder);
+    model.Write(dir_ + "/" + folder);
   }
 
   DepthMap ReadExported(const std::string& name) const {
@@ -140,6 +144,30 @@ TEST_F(DepthExporterTest, AlignsMapsToTheModel) {
   }
   EXPECT_THAT(FileContent(dir_ + "/out/alignment.json"),
               HasSubstr("\"num_points\": 40"));
+}
+
+TEST_F(DepthExporterTest, WritesMapsOfUndistortedImages) {
+  // Half as wide, a quarter of the pixels.
+  WriteModel("undistorted", 250, 160, 240);
+  DepthExportOptions options;
+  options.undistorted_path = dir_ + "/undistorted";
+  ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  colmap::Camera camera;
+  camera.InitializeWithName("SIMPLE_PINHOLE", 250, 160, 240);
+  const DepthMap map =
+      ReadDepthMap(dir_ + "/out/sub/a.jpg.npy", camera, DepthReadOptions());
+  ASSERT_EQ(map.width, 16);
+  ASSERT_EQ(map.height, 24);
+  // Column 4 of 16 is between columns 24 and 25 of 64; interpolation is of the
+  // logarithm.
+  EXPECT_NEAR(map.At(4, 5), 4 * (0.5 + 24.5 / 64), 1e-3);
+  fs::remove_all(dir_ + "/undistorted");
+  ExpectError(
+      [&] {
+        ExportDepthMaps(
+            database_path_, dir_ + "/model", dir_ + "/out", options);
+      },
+      "undistorted does not exist");
 }
 
 // The different scales in depth_params.json.

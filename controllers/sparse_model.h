@@ -1,0 +1,38 @@
+// A model on disk and what its points say of the depth of its images.
+
+#pragma once
+
+#include "colmap_ext/depth_map.h"
+#include "colmap_ext/model_io.h"
+#include "estimators/depth_alignment.h"
+
+#include <map>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+namespace dgsfm {
+
+struct SparseModel {
+  std::string path;
+  std::map<std::string, ModelImage> images;
+  std::map<colmap::camera_t, colmap::Camera> cameras;
+  std::unordered_map<colmap::point3D_t, Eigen::Vector3d> points;
+};
+
+// Of a folder of several models the largest. Throws std::runtime_error naming
+// the file.
+SparseModel ReadSparseModel(const std::string& path);
+
+// Throws std::runtime_error naming model and image if the model has not both.
+const colmap::Camera& CameraOfImage(const SparseModel& model,
+                                    const std::string& image_name);
+
+// Points that an image of the model sees, with the depth of the map there,
+// edges of depth left out.
+std::vector<DepthCorrespondence> FindDepthCorrespondences(
+    const SparseModel& model,
+    const std::string& image_name,
+    const DepthMap& depth_map);
+
+}  // namespace dgsfm
