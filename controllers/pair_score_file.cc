@@ -1,6 +1,7 @@
 #include "controllers/pair_score_file.h"
 
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -15,6 +16,8 @@ namespace {
 
 constexpr char kSeparator[] = "<>";
 constexpr char kSpaces[] = " \t\r";
+// That some programs begin UTF-8 with.
+constexpr char kByteOrderMark[] = "\xef\xbb\xbf";
 
 struct Entry {
   std::string name1;
@@ -183,6 +186,9 @@ void ReadLines(const std::string& path,
                ScoreCollector* collector) {
   std::string line;
   for (size_t number = 1; std::getline(*file, line); ++number) {
+    if (number == 1 && line.rfind(kByteOrderMark, 0) == 0) {
+      line.erase(0, std::strlen(kByteOrderMark));
+    }
     line = Trim(line);
     if (line.empty() || line[0] == '#') continue;
     const auto entry = is_csv ? CreateEntry(SplitCsv(line)) : ParseLine(line);

@@ -65,6 +65,7 @@ TEST(PairScoreFile, ReadsEveryForm) {
   const PairScores plain = {{PairIdOfImages(1, 4), 0.5}};
   EXPECT_EQ(Read("a.txt", "x/a.jpg\ty/d.jpg  0.5"), plain);
   EXPECT_EQ(Read("a.txt", "a.jpg y/d.jpg 5e-1\na.jpg y/d.jpg 0.5"), plain);
+  EXPECT_EQ(Read("a.csv", "\xef\xbb\xbfx/a.jpg,y/d.jpg,0.5\r\n"), plain);
   EXPECT_TRUE(Read("a.txt", "").empty());
   EXPECT_TRUE(Read("a.json", "{}").empty());
 }
