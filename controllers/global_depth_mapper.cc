@@ -1,6 +1,7 @@
 #include "controllers/global_depth_mapper.h"
 
 #include "colmap_ext/depth_database.h"
+#include "colmap_ext/image_orientation.h"
 #include "controllers/commands.h"
 #include "controllers/mapper_report.h"
 #include "controllers/output_folder.h"
@@ -52,6 +53,32 @@ void ReadExif(const std::string& image_path, Scene* scene) {
   }
 }
 
+// Maps of images turned by a quarter have another shape, and were refused.
+void WarnOfTurnedImages(const std::string& image_path,
+                        const Scene& scene,
+                        const KeypointDepthMap& depths) {
+  std::vector<std::string> names;
+  for (const auto& [image_id, image_depths] : depths) {
+    const colmap::Image& image = scene.images.at(image_id);
+    const colmap::Camera& camera = scene.cameras.at(image.CameraId());
+    try {
+      const int orientation =
+          ReadExifOrientation((fs::path(image_path) / image.Name()).string());
+      const bool has_other_shape =
+          orientation >= 5 && camera.Width() != camera.Height();
+      if (orientation != 1 && !has_other_shape) names.push_back(image.Name());
+    } catch (const std::runtime_error& error) {
+      LOG(WARNING) << "No EXIF data: " << error.what();
+    }
+  }
+  if (names.empty()) return;
+  LOG(WARNING) << names.size() << " images with depth, e.g. " << names.front()
+               << ", are turned by EXIF in a way that the shape of a map does "
+                  "not tell: if their maps were made of the images as viewers "
+                  "show them, they must have been imported with "
+                  "depth_importer --displayed_image_path";
+}
+
 }  // namespace
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
@@ -69,6 +96,9 @@ bool GlobalDepthMapper::Run() {
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
   }
   const KeypointDepthMap depths = LoadDepths(options_.verifier, &stages);
+  if (!options_.image_path.empty()) {
+    WarnOfTurnedImages(options_.image_path, scene, depths);
+  }
   PairScores scores;
   if (!options_.pair_scores_path.empty()) {
     scores = ReadPairScores(options_.pair_scores_path, scene);

@@ -215,6 +215,16 @@ class DepthClients(unittest.TestCase):
             shown = ops.exif_transpose(stored)
             np.save(self.depth / "a.npy", np.asarray(shown))
             self.check_import("--displayed_image_path", images, "--overwrite", 1)
+            # The mapper tells of what the shape of the map cannot.
+            result = subprocess.run(
+                [
+                    COLMAP, "depth_global_mapper", "--database_path", self.database,
+                    "--image_path", images, "--output_path", self.path / "model",
+                ],
+                capture_output=True, text=True,
+            )  # fmt: skip
+            is_warned = "--displayed_image_path" in result.stderr
+            self.assertEqual(is_warned, orientation in (2, 3, 4), result.stderr)
 
     def test_bin_from_pycolmap(self):
         depth_map = pycolmap.DepthMap.from_array(DEPTH, 0.1, 10)
