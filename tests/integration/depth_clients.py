@@ -380,6 +380,62 @@ class DepthClients(unittest.TestCase):
         # One step of 65536 of the largest inverse depth, 2.
         np.testing.assert_allclose(inverse, 1 / DEPTH, atol=2 / 65536)
 
+    def test_bin_of_images_undistorted_by_pycolmap(self):
+        image = need("PIL.Image")
+        images, model_path = self.path / "images", self.path / "model"
+        images.mkdir()
+        model_path.mkdir()
+        photo = image.fromarray(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+        photo.save(images / "a.jpg")
+        # Points 1.5 times as far as the map, a ramp, has them.
+        camera = pycolmap.Camera(
+            model="SIMPLE_RADIAL", width=WIDTH, height=HEIGHT,
+            params=[50, 30, 20, -0.2], camera_id=1,
+        )  # fmt: skip
+        centers = [[x + 0.5, y + 0.5] for x in range(WIDTH) for y in range(HEIGHT)]
+        rays = camera.cam_from_img(np.array(centers))
+        depth = (2 + rays[:, 0]).reshape(WIDTH, HEIGHT).T
+        np.save(self.depth / "a.npy", depth.astype(np.float32))
+        model = pycolmap.Reconstruction()
+        model.add_camera_with_trivial_rig(camera)
+        chosen = range(0, len(centers), 24)
+        photo = pycolmap.Image(
+            name="a.jpg", image_id=1, camera_id=1,
+            keypoints=np.array([centers[i] for i in chosen]),
+        )  # fmt: skip
+        model.add_image_with_trivial_frame(photo, pycolmap.Rigid3d())
+        for index, i in enumerate(chosen):
+            track = pycolmap.Track()
+            track.add_element(1, index)
+            z = 1.5 * (2 + rays[i, 0])
+            model.add_point3D(z * np.append(rays[i], 1), track)
+        model.write(model_path)
+        pycolmap.undistort_images(self.path / "dense", model_path, images)
+        undistorted = pycolmap.Reconstruction(self.path / "dense" / "sparse").cameras[1]
+
+        run(
+            "depth_importer", "--database_path", self.database,
+            "--depth_path", self.depth,
+        )  # fmt: skip
+        run(
+            "depth_exporter", "--database_path", self.database,
+            "--input_path", model_path, "--output_path", self.path / "out",
+            "--undistorted_path", self.path / "dense" / "sparse",
+            "--DepthAlignment.model", "scale", "--format", "bin",
+        )  # fmt: skip
+        depth_map = pycolmap.DepthMap()
+        depth_map.read(self.path / "out" / "a.jpg.geometric.bin")
+        depth = depth_map.to_array()
+        self.assertEqual(depth.shape, (undistorted.height, undistorted.width))
+        columns = np.arange(undistorted.width) + 0.5
+        fx, _, cx, _ = undistorted.params
+        expected = 1.5 * (2 + (columns - cx) / fx)
+        # Half floats, and interpolation between pixels.
+        inside = depth[4:-4, 4:-4]
+        np.testing.assert_allclose(
+            inside, np.broadcast_to(expected[4:-4], inside.shape), rtol=2e-3
+        )
+
 
 if __name__ == "__main__":
     program = unittest.main(exit=False)
