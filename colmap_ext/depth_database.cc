@@ -4,6 +4,7 @@
 #include "colmap_ext/colmap_schema.h"
 #include "colmap_ext/depth_schema.h"
 #include "colmap_ext/fnv_hash.h"
+#include "colmap_ext/keypoint_selection.h"
 #include "colmap_ext/pair_geometry_table.h"
 
 #include <algorithm>
@@ -13,6 +14,12 @@
 
 namespace dgsfm {
 namespace {
+
+constexpr char kSelectSamples[] =
+    "SELECT images.image_id, name, coalesce(keypoints.rows, 0), unit, "
+    "depths.rows, depths.data, focal_length, keypoints_fingerprint, "
+    "source_fingerprint, keypoints.data FROM dgsfm_keypoint_depths AS depths "
+    "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)";
 
 bool IsDepth(float depth) { return std::isfinite(depth) && depth >= 0; }
 
@@ -94,6 +101,8 @@ struct DepthDatabase::Impl {
 
   void WriteSamples(colmap::image_t image_id,
                     const KeypointDepths& keypoint_depths);
+  // Of a row of kSelectSamples.
+  KeypointDepths ReadSamples(const SqliteStatement& row) const;
 
   SqliteConnection connection;
   const Mode mode;
@@ -199,46 +208,58 @@ DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
   }
 }
 
-std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths()
-    const {
+KeypointDepths DepthDatabase::Impl::ReadSamples(
+    const SqliteStatement& row) const {
+  const std::string name = row.Text(1);
+  KeypointDepths depths;
+  depths.unit = CheckedUnit(row.Int(3), name);
+  depths.depths = row.Blob<float>(5);
+  depths.focal_length_px = row.Double(6);
+  depths.source_fingerprint = static_cast<uint64_t>(row.Int(8));
+  if (!IsFocalLength(depths.focal_length_px) ||
+      row.Int(4) != int64_t(depths.depths.size()) ||
+      !std::all_of(depths.depths.begin(), depths.depths.end(), IsDepth)) {
+    throw connection.Error()
+        << "image " << name
+        << ": damaged depth at key points; run depth_importer again";
+  }
+  const auto fingerprint = static_cast<uint64_t>(row.Int(7));
+  if (row.Int(4) != row.Int(2) ||
+      (fingerprint != 0 && fingerprint != KeypointsFingerprint(row, 9))) {
+    throw connection.Error()
+        << "image " << name << " has " << row.Int(2)
+        << " key points, but depth was imported for "
+        << (row.Int(4) == row.Int(2) ? "other " : "") << row.Int(4)
+        << "; features were "
+        << (row.Int(2) == 0 ? "deleted since: extract them and"
+                            : "extracted again since:")
+        << " run depth_importer again";
+  }
+  return depths;
+}
+
+std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths(
+    const KeptKeypoints& kept) const {
   std::map<colmap::image_t, KeypointDepths> all_depths;
   if (!impl_->HasTables()) return all_depths;
-  SqliteStatement select(
-      impl_->connection,
-      "SELECT images.image_id, name, coalesce(keypoints.rows, 0), unit, "
-      "depths.rows, depths.data, focal_length, keypoints_fingerprint, "
-      "source_fingerprint, keypoints.data FROM dgsfm_keypoint_depths AS depths "
-      "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)");
+  SqliteStatement select(impl_->connection, kSelectSamples);
   while (select.Step()) {
-    const std::string name = select.Text(1);
-    KeypointDepths depths;
-    depths.unit = impl_->CheckedUnit(select.Int(3), name);
-    depths.depths = select.Blob<float>(5);
-    depths.focal_length_px = select.Double(6);
-    depths.source_fingerprint = static_cast<uint64_t>(select.Int(8));
-    if (!IsFocalLength(depths.focal_length_px) ||
-        select.Int(4) != int64_t(depths.depths.size()) ||
-        !std::all_of(depths.depths.begin(), depths.depths.end(), IsDepth)) {
-      throw impl_->connection.Error()
-          << "image " << name
-          << ": damaged depth at key points; run depth_importer again";
-    }
-    const auto fingerprint = static_cast<uint64_t>(select.Int(7));
-    if (select.Int(4) != select.Int(2) ||
-        (fingerprint != 0 && fingerprint != KeypointsFingerprint(select, 9))) {
-      throw impl_->connection.Error()
-          << "image " << name << " has " << select.Int(2)
-          << " key points, but depth was imported for "
-          << (select.Int(4) == select.Int(2) ? "other " : "") << select.Int(4)
-          << "; features were "
-          << (select.Int(2) == 0 ? "deleted since: extract them and"
-                                 : "extracted again since:")
-          << " run depth_importer again";
-    }
-    all_depths.emplace(static_cast<colmap::image_t>(select.Int(0)),
-                       std::move(depths));
+    const auto image_id = static_cast<colmap::image_t>(select.Int(0));
+    KeypointDepths depths = impl_->ReadSamples(select);
+    depths.depths = RestrictToKept(kept, image_id, std::move(depths.depths));
+    all_depths.emplace(image_id, std::move(depths));
   }
   return all_depths;
+}
+
+std::optional<KeypointDepths> DepthDatabase::ReadKeypointDepths(
+    colmap::image_t image_id) const {
+  if (!impl_->HasTables()) return std::nullopt;
+  SqliteStatement select(
+      impl_->connection,
+      std::string(kSelectSamples) + " WHERE images.image_id = ?");
+  if (!select.BindInt(1, image_id).Step()) return std::nullopt;
+  return impl_->ReadSamples(select);
 }
 
 std::map<colmap::image_t, uint64_t> DepthDatabase::ReadSourceFingerprints()
@@ -274,14 +295,16 @@ void DepthDatabase::WritePairGeometries(
   });
 }
 
-std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries()
-    const {
+std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries(
+    const KeptKeypoints& kept) const {
   std::map<colmap::image_pair_t, PairGeometry> geometries;
   if (!impl_->HasTables()) return geometries;
   PairGeometryCursor cursor(impl_->connection);
   while (cursor.Step()) {
+    PairGeometry geometry = cursor.Geometry();
+    if (!kept.empty()) RestrictInliers(kept, cursor.PairId(), &geometry);
     geometries.emplace_hint(
-        geometries.end(), cursor.PairId(), cursor.Geometry());
+        geometries.end(), cursor.PairId(), std::move(geometry));
   }
   return geometries;
 }

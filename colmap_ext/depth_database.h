@@ -6,6 +6,7 @@
 
 #include "colmap_ext/depth_map.h"
 #include "colmap_ext/pair_geometry.h"
+#include "colmap_ext/scene.h"
 #include "colmap_ext/sqlite.h"
 
 #include <colmap/util/types.h>
@@ -13,6 +14,7 @@
 #include <chrono>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -53,8 +55,13 @@ class DepthDatabase {
 
   // Samples of all images that have them. Throws if an image has other key
   // points in the database than at the import (features were extracted again),
-  // naming the image and the remedy.
-  std::map<colmap::image_t, KeypointDepths> ReadAllKeypointDepths() const;
+  // naming the image and the remedy. Restricted to the key points that are
+  // kept.
+  std::map<colmap::image_t, KeypointDepths> ReadAllKeypointDepths(
+      const KeptKeypoints& kept = {}) const;
+  // Of one image, all of them; nothing if it has none.
+  std::optional<KeypointDepths> ReadKeypointDepths(
+      colmap::image_t image_id) const;
   // KeypointDepths::source_fingerprint of the images with samples that are not
   // outdated in that sense.
   std::map<colmap::image_t, uint64_t> ReadSourceFingerprints() const;
@@ -64,8 +71,10 @@ class DepthDatabase {
   void WritePairGeometries(
       const std::map<colmap::image_pair_t, PairGeometry>& geometries);
   // Leaves out pairs whose images have been deleted since. Throws if inliers
-  // refer to key points that are gone, naming the pair and the remedy.
-  std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries() const;
+  // refer to key points that are gone, naming the pair and the remedy. Inliers
+  // are restricted to the key points that are kept.
+  std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries(
+      const KeptKeypoints& kept = {}) const;
   // Of all rows, by increasing pair id.
   std::vector<std::pair<colmap::image_pair_t, uint64_t>> ReadPairFingerprints()
       const;

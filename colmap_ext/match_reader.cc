@@ -46,14 +46,11 @@ MatchReader::MatchReader(const SqliteConnection& connection, const Scene& scene)
       scene_(scene),
       select_putative_(connection, kSelectRow + kPutative + " AND pair_id = ?"),
       select_verified_(connection,
-                       kSelectRow + kVerified + " AND pair_id = ?") {}
-
-MatchReader::Matches MatchReader::ReadAllPutative() const {
-  return ReadAll(kSelectRow + kPutative);
-}
-
-MatchReader::Matches MatchReader::ReadAllVerified() const {
-  return ReadAll(kSelectRow + kVerified);
+                       kSelectRow + kVerified + " AND pair_id = ?") {
+  SqliteStatement select(connection, "SELECT image_id, rows FROM keypoints");
+  while (select.Step()) {
+    num_keypoints_[static_cast<colmap::image_t>(select.Int(0))] = select.Int(1);
+  }
 }
 
 std::vector<MatchReader::PairSize> MatchReader::ListPairs() const {
@@ -81,16 +78,6 @@ colmap::FeatureMatches MatchReader::Read(colmap::image_pair_t pair_id) {
     if (is_found) return matches;
   }
   return {};
-}
-
-MatchReader::Matches MatchReader::ReadAll(const std::string& query) const {
-  Matches matches;
-  SqliteStatement select(connection_, query);
-  while (select.Step()) {
-    matches.emplace_hint(
-        matches.end(), CheckedPairId(select.Int(0)), ReadRow(select));
-  }
-  return matches;
 }
 
 colmap::image_pair_t MatchReader::CheckedPairId(int64_t pair_id) const {
@@ -141,16 +128,22 @@ colmap::FeatureMatches MatchReader::ReadRow(const SqliteStatement& row) const {
 void MatchReader::CheckIndex(const std::string& pair,
                              const colmap::Image& image,
                              colmap::point2D_t point2D_idx) const {
-  if (point2D_idx < image.NumPoints2D()) return;
-  if (image.NumPoints2D() == 0) {
+  const int64_t num_keypoints = NumKeypoints(image);
+  if (point2D_idx < num_keypoints) return;
+  if (num_keypoints == 0) {
     throw connection_.Error()
         << "image " << image.Name() << " has no key points, but " << pair
         << " has matches; extract and match features again";
   }
   throw connection_.Error()
       << pair << ": a match refers to key point " << point2D_idx << " of "
-      << image.Name() << ", which has " << image.NumPoints2D()
+      << image.Name() << ", which has " << num_keypoints
       << "; match features again";
+}
+
+int64_t MatchReader::NumKeypoints(const colmap::Image& image) const {
+  const auto it = num_keypoints_.find(image.ImageId());
+  return it == num_keypoints_.end() ? 0 : it->second;
 }
 
 }  // namespace dgsfm

@@ -14,6 +14,7 @@
 
 #include <map>
 #include <utility>
+#include <vector>
 
 namespace dgsfm {
 
@@ -23,6 +24,10 @@ using CameraMap =
              std::less<colmap::camera_t>,
              Eigen::aligned_allocator<
                  std::pair<const colmap::camera_t, colmap::Camera>>>;
+
+// Indices of the key points of an image that are used, in increasing order;
+// images that use all of theirs have no entry.
+using KeptKeypoints = std::map<colmap::image_t, std::vector<colmap::point2D_t>>;
 
 // Everything the mapper needs of a COLMAP database, ordered by id.
 struct Scene {
@@ -37,8 +42,9 @@ struct Scene {
   // Putative matches of each pair (image_id1 < image_id2 as in the pair id);
   // where a database has only verified matches, those.
   std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
-  // Matches that COLMAP's geometric verification accepted, where it ran.
-  std::map<colmap::image_pair_t, colmap::FeatureMatches> verified_matches;
+  // Where images have more key points than are used, those that Points2D and
+  // matches count from.
+  KeptKeypoints kept_keypoints;
   // Of the first image of each camera without a prior focal length, where the
   // image files are at hand.
   std::map<colmap::camera_t, ImageExif> exif;

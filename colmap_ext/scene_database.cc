@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/colmap_schema.h"
+#include "colmap_ext/keypoint_selection.h"
 #include "colmap_ext/match_reader.h"
 
 #include <colmap/base/camera_models.h>
@@ -73,8 +74,11 @@ enum class SceneContent { IMAGES, FEATURES, MATCHES };
 // before.
 class SceneReader {
  public:
-  explicit SceneReader(const SqliteConnection& connection)
-      : connection_(connection) {}
+  // At most about max_num_keypoints matched key points an image.
+  explicit SceneReader(
+      const SqliteConnection& connection,
+      size_t max_num_keypoints = std::numeric_limits<size_t>::max())
+      : connection_(connection), max_num_keypoints_(max_num_keypoints) {}
 
   Scene Read(SceneContent content) {
     const SqliteTransaction snapshot(connection_,
@@ -83,18 +87,26 @@ class SceneReader {
     CheckRigs();
     ReadCameras();
     ReadImages();
+    if (content == SceneContent::MATCHES) {
+      scene_.kept_keypoints =
+          SelectKeypoints(connection_, scene_, max_num_keypoints_);
+    }
     if (content != SceneContent::IMAGES) ReadKeypoints();
-    if (content == SceneContent::MATCHES) ReadAllMatches();
+    if (content == SceneContent::MATCHES) ReadMatches();
     return std::move(scene_);
   }
 
  private:
-  void ReadAllMatches() {
-    const MatchReader reader(connection_, scene_);
-    scene_.verified_matches = reader.ReadAllVerified();
-    scene_.matches = reader.ReadAllPutative();
-    scene_.matches.insert(scene_.verified_matches.begin(),
-                          scene_.verified_matches.end());
+  void ReadMatches() {
+    MatchReader reader(connection_, scene_);
+    for (const MatchReader::PairSize& pair : reader.ListPairs()) {
+      colmap::FeatureMatches matches = reader.Read(pair.pair_id);
+      if (!scene_.kept_keypoints.empty()) {
+        RestrictMatches(scene_.kept_keypoints, pair.pair_id, &matches);
+      }
+      scene_.matches.emplace_hint(
+          scene_.matches.end(), pair.pair_id, std::move(matches));
+    }
   }
 
   void CheckRigs() const {
@@ -211,11 +223,15 @@ class SceneReader {
     while (select.Step()) {
       colmap::Image& image =
           scene_.images.at(static_cast<colmap::image_t>(select.Int(0)));
-      image.SetPoints2D(ReadPoints(connection_, select, image.Name()));
+      image.SetPoints2D(
+          RestrictToKept(scene_.kept_keypoints,
+                         image.ImageId(),
+                         ReadPoints(connection_, select, image.Name())));
     }
   }
 
   const SqliteConnection& connection_;
+  const size_t max_num_keypoints_;
   Scene scene_;
 };
 
@@ -226,6 +242,16 @@ Scene ReadScene(const std::string& database_path,
   const SqliteConnection connection(
       database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
   return SceneReader(connection).Read(SceneContent::MATCHES);
+}
+
+Scene ReadSceneWithFewKeypoints(const std::string& database_path,
+                                int max_num_keypoints,
+                                std::chrono::milliseconds busy_timeout) {
+  DGSFM_CHECK(max_num_keypoints > 0) << max_num_keypoints;
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection, static_cast<size_t>(max_num_keypoints))
+      .Read(SceneContent::MATCHES);
 }
 
 Scene ReadSceneWithoutMatches(const std::string& database_path,

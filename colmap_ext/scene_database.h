@@ -21,6 +21,15 @@ namespace dgsfm {
 // and later) and camera models that COLMAP 3.8 lacks are refused by name.
 Scene ReadScene(const std::string& database_path,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+// The same with at most about max_num_keypoints matched key points an image:
+// images with more use those that ChooseKeypoints takes for half as many
+// matches, and those that these are matched with (Scene::kept_keypoints).
+// Memory grows with the images and with the matches of one image, not with all
+// matches.
+Scene ReadSceneWithFewKeypoints(
+    const std::string& database_path,
+    int max_num_keypoints,
+    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
 // The same for callers that need only cameras, images and key points, or only
 // cameras and images.
 Scene ReadSceneWithoutMatches(

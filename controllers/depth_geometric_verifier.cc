@@ -250,13 +250,14 @@ void BindVerificationOptions(DepthGeometricVerifierOptions* options,
 }
 
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
+                            const KeptKeypoints& kept,
                             std::vector<StageReport>* stages) {
   StageTimer timer("load_depth");
   KeypointDepthMap depths;
   if (options.use_depth) {
     depths =
         DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)
-            .ReadAllKeypointDepths();
+            .ReadAllKeypointDepths(kept);
     if (depths.empty()) {
       LOG(WARNING) << options.database_path
                    << " has no depth priors (import them with depth_importer): "
@@ -269,12 +270,20 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
 }
 
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
+                int max_num_keypoints,
                 std::vector<StageReport>* stages) {
   StageTimer timer("load_scene");
-  Scene scene = ReadScene(options.database_path);
+  Scene scene =
+      max_num_keypoints > 0
+          ? ReadSceneWithFewKeypoints(options.database_path, max_num_keypoints)
+          : ReadScene(options.database_path);
   timer.Add("cameras", double(scene.cameras.size()))
       .Add("images", double(scene.images.size()))
       .Add("pairs", double(scene.matches.size()));
+  if (!scene.kept_keypoints.empty()) {
+    timer.Add("images_with_kept_keypoints",
+              double(scene.kept_keypoints.size()));
+  }
   timer.Finish(stages);
   return scene;
 }
@@ -298,7 +307,7 @@ VerificationSummary VerifyDatabasePairs(
                          DepthDatabase::Mode::READ_WRITE);
   std::vector<StageReport> stages;
   const Scene scene = ReadSceneWithoutMatches(options.database_path);
-  const KeypointDepthMap depths = LoadDepths(options, &stages);
+  const KeypointDepthMap depths = LoadDepths(options, {}, &stages);
   StageTimer timer("pair_verification");
   const VerificationSummary summary =
       DatabaseVerifier(options, scene, depths, &database).Run();

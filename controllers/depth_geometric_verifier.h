@@ -33,13 +33,16 @@ void BindOptions(DepthGeometricVerifierOptions* options,
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
                              CommandOptions* command_options);
 
-// Key point depths of the database; none, with a warning, where there are no
-// priors or they are not to be used.
+// Depths of the key points that are kept; none, with a warning, where there are
+// no priors or they are not to be used.
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
+                            const KeptKeypoints& kept,
                             std::vector<StageReport>* stages);
 
-// The scene of the database.
+// The scene of the database, with at most about max_num_keypoints matched key
+// points an image; 0 = all.
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
+                int max_num_keypoints,
                 std::vector<StageReport>* stages);
 
 // Verifies all pairs of a scene and shows the progress.

@@ -2,7 +2,9 @@
 
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/image_orientation.h"
+#include "colmap_ext/match_reader.h"
 #include "controllers/commands.h"
+#include "controllers/dense_pair_verification.h"
 #include "controllers/mapper_report.h"
 #include "controllers/output_folder.h"
 #include "controllers/pair_score_file.h"
@@ -90,12 +92,14 @@ bool GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier.verification);
   CheckOptions(options_.mapper);
   std::vector<StageReport> stages;
-  Scene scene = LoadScene(options_.verifier, &stages);
+  Scene scene = LoadScene(
+      options_.verifier, options_.max_num_keypoints_per_image, &stages);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
   }
-  const KeypointDepthMap depths = LoadDepths(options_.verifier, &stages);
+  const KeypointDepthMap depths =
+      LoadDepths(options_.verifier, scene.kept_keypoints, &stages);
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_.image_path, scene, depths);
   }
@@ -138,16 +142,28 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   if (options_.verifier.use_depth) {
     stored = DepthDatabase(options_.verifier.database_path,
                            DepthDatabase::Mode::READ_ONLY)
-                 .ReadPairGeometries();
+                 .ReadPairGeometries(scene.kept_keypoints);
   }
-  if (stored.empty()) {
+  if (!stored.empty()) return CheckedPairs(scene, std::move(stored));
+  if (scene.kept_keypoints.empty()) {
     return VerifyScenePairs(
         scene, depths, options_.verifier.verification, stages);
   }
+  return VerifyDensePairs(options_.verifier, scene, stages);
+}
+
+PairGeometries GlobalDepthMapper::CheckedPairs(const Scene& scene,
+                                               PairGeometries stored) const {
+  const SqliteConnection connection(options_.verifier.database_path,
+                                    SqliteConnection::Mode::READ_ONLY);
+  MatchReader reader(connection, scene);
   PairGeometries pairs;
   for (const auto& [pair_id, matches] : scene.matches) {
+    const size_t num_matches = scene.kept_keypoints.empty()
+                                   ? matches.size()
+                                   : reader.Read(pair_id).size();
     const auto it = stored.find(pair_id);
-    if (it == stored.end() || it->second.num_matches != matches.size()) {
+    if (it == stored.end() || it->second.num_matches != num_matches) {
       const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
       throw std::runtime_error(options_.verifier.database_path + ": the pair " +
                                scene.images.at(image_id1).Name() + ", " +
@@ -156,6 +172,7 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
                                "depth_geometric_verifier");
     }
     pairs[pair_id] = std::move(it->second);
+    pairs[pair_id].num_matches = matches.size();
   }
   LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
             << options_.verifier.database_path;

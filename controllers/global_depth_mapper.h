@@ -21,6 +21,8 @@ class GlobalDepthMapper {
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages);
+  // Of all pairs of the scene; those of stale pairs throw.
+  PairGeometries CheckedPairs(const Scene& scene, PairGeometries stored) const;
   void WriteModels(DepthGlobalMapperResult* result);
   void WritePairStatuses(const PairGeometries& pairs) const;
 

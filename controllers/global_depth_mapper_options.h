@@ -19,6 +19,10 @@ struct GlobalDepthMapperOptions {
   std::string output_path;
   // File of pair scores, see ReadPairScores; empty = none.
   std::string pair_scores_path;
+  // Images of which more key points are matched use about this many, as dense
+  // matchers give each pair its own (see ReadSceneWithFewKeypoints); pairs are
+  // verified by all their matches all the same. 0 = all.
+  int max_num_keypoints_per_image = 10000;
   // Whether the database gets the status of each pair (dgsfm_pair_statuses).
   bool write_pair_statuses = true;
   DepthGeometricVerifierOptions verifier;

@@ -40,12 +40,8 @@ bool IsIdentity(const std::vector<Eigen::Matrix2d>& matrices) {
       });
 }
 
-double KeypointDepth(const KeypointDepthMap& depths,
-                     colmap::image_t image_id,
-                     colmap::point2D_t point2D_idx) {
-  const auto it = depths.find(image_id);
-  if (it == depths.end()) return 0;
-  return it->second.depths.at(point2D_idx);
+double KeypointDepth(const PairImage& image, colmap::point2D_t point2D_idx) {
+  return image.depths ? image.depths->depths.at(point2D_idx) : 0;
 }
 
 // Those of the matches that have rays in both images, and these for the
@@ -55,29 +51,24 @@ struct UsableMatches {
   DepthMatches depth_matches;
 };
 
-UsableMatches CollectMatches(const colmap::Image& image1,
-                             const colmap::Image& image2,
-                             const colmap::Camera& camera1,
-                             const colmap::Camera& camera2,
-                             const KeypointDepthMap& depths,
+UsableMatches CollectMatches(const PairImage& image1,
+                             const PairImage& image2,
                              const colmap::FeatureMatches& matches) {
   UsableMatches usable;
   DepthMatches& data = usable.depth_matches;
   for (const colmap::FeatureMatch& match : matches) {
-    const auto point1 =
-        CenterPoint(camera1, image1.Point2D(match.point2D_idx1).XY());
-    const auto point2 =
-        CenterPoint(camera2, image2.Point2D(match.point2D_idx2).XY());
+    const auto point1 = CenterPoint(
+        image1.camera, image1.image.Point2D(match.point2D_idx1).XY());
+    const auto point2 = CenterPoint(
+        image2.camera, image2.image.Point2D(match.point2D_idx2).XY());
     if (!point1 || !point2) continue;
     usable.matches.push_back(match);
     data.points1.push_back(point1->point);
     data.points2.push_back(point2->point);
     data.pixel_jacobians1.push_back(point1->pixel_jacobian);
     data.pixel_jacobians2.push_back(point2->pixel_jacobian);
-    data.depths1.push_back(
-        KeypointDepth(depths, image1.ImageId(), match.point2D_idx1));
-    data.depths2.push_back(
-        KeypointDepth(depths, image2.ImageId(), match.point2D_idx2));
+    data.depths1.push_back(KeypointDepth(image1, match.point2D_idx1));
+    data.depths2.push_back(KeypointDepth(image2, match.point2D_idx2));
   }
   // The estimator is faster without.
   if (IsIdentity(data.pixel_jacobians1) && IsIdentity(data.pixel_jacobians2)) {
@@ -87,10 +78,8 @@ UsableMatches CollectMatches(const colmap::Image& image1,
   return usable;
 }
 
-double DepthModelFocal(const KeypointDepthMap& depths,
-                       colmap::image_t image_id) {
-  const auto it = depths.find(image_id);
-  return it == depths.end() ? 0 : it->second.focal_length_px;
+double DepthModelFocal(const PairImage& image) {
+  return image.depths ? image.depths->focal_length_px : 0;
 }
 
 FocalCase FocalCaseOfPair(const colmap::Camera& camera1,
@@ -204,17 +193,12 @@ bool PairVerificationOptions::IsValid(std::string* error) const {
                      error);
 }
 
-PairGeometry VerifyPair(const Scene& scene,
-                        const KeypointDepthMap& depths,
-                        colmap::image_pair_t pair_id,
+PairGeometry VerifyPair(const PairImage& image1,
+                        const PairImage& image2,
                         const colmap::FeatureMatches& matches,
                         const PairVerificationOptions& options) {
-  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  const colmap::Image& image1 = scene.images.at(image_id1);
-  const colmap::Image& image2 = scene.images.at(image_id2);
-  const colmap::Camera& camera1 = scene.cameras.at(image1.CameraId());
-  const colmap::Camera& camera2 = scene.cameras.at(image2.CameraId());
-
+  const colmap::Camera& camera1 = image1.camera;
+  const colmap::Camera& camera2 = image2.camera;
   PairGeometry pair;
   pair.num_matches = matches.size();
   if (matches.size() < size_t(options.min_num_inliers)) {
@@ -222,22 +206,23 @@ PairGeometry VerifyPair(const Scene& scene,
     return pair;
   }
 
-  UsableMatches usable =
-      CollectMatches(image1, image2, camera1, camera2, depths, matches);
+  UsableMatches usable = CollectMatches(image1, image2, matches);
   TwoViewDepthInput input;
   input.matches = std::move(usable.depth_matches);
   input.focal_case = FocalCaseOfPair(camera1, camera2);
   input.focal_length1_px = camera1.MeanFocalLength();
   input.focal_length2_px = camera2.MeanFocalLength();
-  input.prior_focal_length1_px = DepthModelFocal(depths, image_id1);
-  input.prior_focal_length2_px = DepthModelFocal(depths, image_id2);
+  input.prior_focal_length1_px = DepthModelFocal(image1);
+  input.prior_focal_length2_px = DepthModelFocal(image2);
   input.image_size1_px = double(std::max(camera1.Width(), camera1.Height()));
   input.image_size2_px = double(std::max(camera2.Width(), camera2.Height()));
   if (!options.two_view.paper) {
     input.min_num_inliers =
         int(std::ceil(MinNumInliers(options, matches.size())));
   }
-  input.seed = PairSeed(pair_id, options.random_seed);
+  input.seed =
+      PairSeed(PairIdOfImages(image1.image.ImageId(), image2.image.ImageId()),
+               options.random_seed);
   const TwoViewDepthResult result =
       EstimateTwoViewGeometryWithDepth(input, options.two_view);
   if (!result.success) {
@@ -248,6 +233,23 @@ PairGeometry VerifyPair(const Scene& scene,
   SelectMatches(result, input.matches, usable.matches, options, &pair);
   pair.status = JudgePair(pair, result.num_inliers, options);
   return pair;
+}
+
+PairGeometry VerifyPair(const Scene& scene,
+                        const KeypointDepthMap& depths,
+                        colmap::image_pair_t pair_id,
+                        const colmap::FeatureMatches& matches,
+                        const PairVerificationOptions& options) {
+  const auto pair_image = [&](colmap::image_t image_id) {
+    const colmap::Image& image = scene.images.at(image_id);
+    const auto it = depths.find(image_id);
+    return PairImage{image,
+                     scene.cameras.at(image.CameraId()),
+                     it == depths.end() ? nullptr : &it->second};
+  };
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  return VerifyPair(
+      pair_image(image_id1), pair_image(image_id2), matches, options);
 }
 
 PairGeometries VerifyPairs(const Scene& scene,

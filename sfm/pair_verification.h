@@ -41,6 +41,13 @@ struct PairVerificationOptions {
   bool IsValid(std::string* error) const;
 };
 
+// An image of a pair: with its key points, and their depths or null.
+struct PairImage {
+  const colmap::Image& image;
+  const colmap::Camera& camera;
+  const KeypointDepths* depths = nullptr;
+};
+
 // Verifies one pair. `matches` refer to key points of the images in this
 // order. A camera with a prior focal length counts as known, with its
 // distortion, and thresholds hold in pixels of its image; matches where the
@@ -48,6 +55,10 @@ struct PairVerificationOptions {
 // and so is the focal length, for which that of the depth model is a soft
 // prior. Images without an entry in `depths` have no depth. The result depends
 // on nothing else: neither on other pairs nor on the order of pairs.
+PairGeometry VerifyPair(const PairImage& image1,
+                        const PairImage& image2,
+                        const colmap::FeatureMatches& matches,
+                        const PairVerificationOptions& options);
 PairGeometry VerifyPair(const Scene& scene,
                         const KeypointDepthMap& depths,
                         colmap::image_pair_t pair_id,

@@ -85,7 +85,6 @@ Scene SceneFromSynthetic(const SyntheticScene& synthetic) {
   }
   for (const auto& [pair_id, pair] : synthetic.pairs) {
     scene.matches.emplace(pair_id, pair.matches);
-    scene.verified_matches.emplace(pair_id, InlierMatches(pair));
   }
   return scene;
 }

@@ -17,8 +17,7 @@
 namespace dgsfm {
 
 // What the mapper sees, as if read from a database, but with key points in
-// double precision. Verified are the right matches of true pairs and those of
-// false pairs that agree with their wrong pose.
+// double precision.
 Scene SceneFromSynthetic(const SyntheticScene& synthetic);
 
 // Prior depths of the images that have them.

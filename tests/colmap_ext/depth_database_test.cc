@@ -144,6 +144,10 @@ TEST_F(DepthDatabaseTest, ReturnsDepthAsWritten) {
   EXPECT_EQ(depths.at(3).unit, DepthUnit::RELATIVE);
   EXPECT_EQ(depths.at(3).focal_length_px, 0);
   EXPECT_TRUE(depths.at(3).depths.empty());
+  EXPECT_EQ(database.ReadKeypointDepths(1)->depths, depths.at(1).depths);
+  EXPECT_FALSE(database.ReadKeypointDepths(2));
+  EXPECT_EQ(database.ReadAllKeypointDepths({{1, {0, 2}}}).at(1).depths,
+            (std::vector<float>{1.5f, 0.1f}));
 }
 
 TEST_F(DepthDatabaseTest, ReplacesDepthOfAnImage) {

@@ -103,8 +103,6 @@ TEST_P(SceneDatabaseTest, ReadsCamerasImagesAndMatches) {
   const IndexPairs expected = {{0, 1}, {2, 0}};
   ASSERT_EQ(scene.matches.size(), 1);
   EXPECT_EQ(Indices(scene.matches.at(PairIdOfImages(1, 2))), expected);
-  ASSERT_EQ(scene.verified_matches.size(), 1);
-  EXPECT_EQ(Indices(scene.verified_matches.at(PairIdOfImages(1, 2))), expected);
 }
 
 TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
@@ -114,7 +112,6 @@ TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
   ASSERT_EQ(scene.images.size(), 3);
   EXPECT_EQ(scene.images.at(1).NumPoints2D(), 3);
   EXPECT_TRUE(scene.matches.empty());
-  EXPECT_TRUE(scene.verified_matches.empty());
 }
 
 TEST_P(SceneDatabaseTest, ReadsKeypointsOfSingleImages) {
@@ -154,11 +151,12 @@ TEST_P(SceneDatabaseTest, TakesVerifiedMatchesWhereRawOnesAreMissing) {
 }
 
 TEST_P(SceneDatabaseTest, TakesOnlySuccessfulConfigurationsAsVerified) {
+  Execute("DELETE FROM matches");
   const std::set<int> verified = {2, 3, 4, 5, 6, 9};
   for (int config = 0; config < 10; ++config) {
     Execute("UPDATE two_view_geometries SET config = " +
             std::to_string(config));
-    EXPECT_EQ(ReadScene(path_).verified_matches.size(), verified.count(config))
+    EXPECT_EQ(ReadScene(path_).matches.size(), verified.count(config))
         << "config " << config;
   }
 }
@@ -168,7 +166,6 @@ TEST_P(SceneDatabaseTest, LeavesOutPairsWithoutMatches) {
   Execute("UPDATE two_view_geometries SET rows = 0, data = NULL");
   const Scene scene = ReadScene(path_);
   EXPECT_TRUE(scene.matches.empty());
-  EXPECT_TRUE(scene.verified_matches.empty());
 }
 
 TEST_P(SceneDatabaseTest, RemovesDuplicateMatchesAndKeepsTheOrder) {
@@ -318,8 +315,6 @@ TEST(SceneDatabase, ReadsDatabaseOfColmapItself) {
   EXPECT_EQ(scene.images.at(2).Point2D(1).XY(), Eigen::Vector2d(1.5, 2.5));
   EXPECT_EQ(Indices(scene.matches.at(PairIdOfImages(1, 2))),
             (IndexPairs{{1, 0}}));
-  EXPECT_EQ(Indices(scene.verified_matches.at(PairIdOfImages(1, 2))),
-            (IndexPairs{{1, 0}}));
 }
 
 TEST(SceneDatabase, RefusesFilesThatAreNoColmapDatabase) {
@@ -362,10 +357,6 @@ TEST(SceneDatabase, ReadsSharedDataSet) {
   EXPECT_EQ(scene.cameras.size(), 11);
   EXPECT_EQ(scene.images.size(), 11);
   EXPECT_EQ(scene.matches.size(), 11 * 10 / 2);
-  EXPECT_EQ(scene.verified_matches.size(), 55);
-  for (const auto& [pair_id, matches] : scene.verified_matches) {
-    EXPECT_LE(matches.size(), scene.matches.at(pair_id).size());
-  }
   EXPECT_EQ(std::distance(fs::directory_iterator(dir), {}), 1);
 }
 

@@ -80,6 +80,28 @@ TEST_F(GlobalDepthMapperTest, RunsAgainFromTheSamePairs) {
   EXPECT_EQ(StoredStatuses(), first);
 }
 
+TEST_F(GlobalDepthMapperTest, PairsOfFewKeypointsAreVerifiedByAllMatches) {
+  const std::vector<std::string> few = {"--max_num_keypoints_per_image", "60"};
+  const auto read_report = [this] {
+    return nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+  };
+  ASSERT_EQ(Map(few), 0);
+  const auto report = read_report();
+  EXPECT_EQ(report["models"][0]["images"], 12);
+  // The two false pairs leave.
+  EXPECT_EQ(report["pairs"]["valid"], report["view_graph"].size() - 2);
+  for (const auto& entry : report["view_graph"]) {
+    EXPECT_LT(entry["num_matches"], 60);
+  }
+  // Verified before, all that a pair is judged by is the same.
+  ASSERT_EQ(RunForTest(&RunDepthGeometricVerifier,
+                       {"--database_path", path_, "--num_threads", "1"})
+                .code,
+            0);
+  ASSERT_EQ(Map(few), 0);
+  EXPECT_EQ(read_report()["view_graph"], report["view_graph"]);
+}
+
 TEST_F(GlobalDepthMapperTest, LeavesTheDatabaseAloneOnDemand) {
   ASSERT_EQ(Map({"--write_pair_statuses", "0"}), 0);
   EXPECT_TRUE(StoredStatuses().empty());
