@@ -13,10 +13,10 @@ FeatureCache::FeatureCache(const std::string& database_path,
     : scene_(scene),
       max_num_keypoints_(max_num_keypoints),
       connection_(database_path, SqliteConnection::Mode::READ_ONLY),
-      depth_database_(use_depth ? std::make_optional<DepthDatabase>(
-                                      database_path,
-                                      DepthDatabase::Mode::READ_ONLY)
-                                : std::nullopt) {}
+      depth_database_(use_depth
+                          ? std::make_optional<DepthDatabase>(
+                                database_path, DepthDatabase::Mode::READ_ONLY)
+                          : std::nullopt) {}
 
 std::shared_ptr<const ImageFeatures> FeatureCache::Get(
     colmap::image_t image_id) {

@@ -108,6 +108,10 @@ void BindRefinement(ModelRefinementOptions* options,
       .Add("gp_loss_scale",
            &options->global_positioning.loss_scale,
            "Huber threshold of global positioning [sine of angle]")
+      .Add("gp_eliminate_scales",
+           &options->global_positioning.eliminate_scales,
+           "eliminate the scale of each observation in global positioning, "
+           "else they are parameters as in the paper, for comparison")
       .Add("max_angular_error",
            &options->max_angular_error_deg,
            "observations farther off after positioning are removed [deg]");
@@ -204,6 +208,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->mapper.share_intrinsics,
                        "one camera in the model for images whose cameras turn "
                        "out to be the same");
+  command_options->Add("max_num_keypoints_per_image",
+                       &options->max_num_keypoints_per_image,
+                       "matched key points of an image that are used, with "
+                       "dense matches; 0 = all");
   command_options->Add("write_pair_statuses",
                        &options->write_pair_statuses,
                        "whether the database gets the status of each pair, in "

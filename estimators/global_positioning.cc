@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "estimators/median.h"
 #include "estimators/option_check.h"
+#include "estimators/plain_positioning.h"
 #include "estimators/point_minimizer.h"
 #include "estimators/ray_point_residual.h"
 
@@ -148,6 +149,21 @@ class PositioningProblem : public PointProblem<3, 3> {
   std::vector<Eigen::Vector3d> saved_centers_, saved_points_;
 };
 
+PointMinimizerSummary MinimizeWithoutScales(
+    const std::vector<PositioningObservation>& observations,
+    int fixed_camera,
+    const GlobalPositioningOptions& options,
+    std::vector<Eigen::Vector3d>* centers,
+    std::vector<Eigen::Vector3d>* points) {
+  PositioningProblem problem(
+      observations, fixed_camera, options.loss_scale, centers, points);
+  PointMinimizerOptions minimizer;
+  minimizer.max_num_iterations = options.max_num_iterations;
+  minimizer.function_tolerance = options.function_tolerance;
+  minimizer.num_threads = options.num_threads;
+  return MinimizeWithPoints(minimizer, &problem);
+}
+
 }  // namespace
 
 bool GlobalPositioningOptions::IsValid(std::string* error) const {
@@ -195,16 +211,10 @@ GlobalPositioningSummary SolveGlobalPositioning(
       Scaled(*centers, origin, 1 / unit, zero);
   std::vector<Eigen::Vector3d> unit_points =
       Scaled(*points, origin, 1 / unit, zero);
-  PositioningProblem problem(observations,
-                             fixed_camera,
-                             options.loss_scale,
-                             &unit_centers,
-                             &unit_points);
-  PointMinimizerOptions minimizer;
-  minimizer.max_num_iterations = options.max_num_iterations;
-  minimizer.function_tolerance = options.function_tolerance;
-  minimizer.num_threads = options.num_threads;
-  const PointMinimizerSummary found = MinimizeWithPoints(minimizer, &problem);
+  const auto minimize =
+      options.eliminate_scales ? MinimizeWithoutScales : MinimizeWithScales;
+  const PointMinimizerSummary found = minimize(
+      observations, fixed_camera, options, &unit_centers, &unit_points);
   summary.num_iterations = found.num_iterations;
   summary.initial_cost = found.initial_cost;
   summary.final_cost = found.final_cost;

@@ -26,6 +26,9 @@ struct GlobalPositioningOptions {
   double loss_scale = 0.1;
   // Relative decrease of the cost at which the solver stops [1].
   double function_tolerance = 1e-5;
+  // Whether the scale of each observation is eliminated; otherwise all are
+  // parameters, as in the paper, which has the same minima.
+  bool eliminate_scales = true;
   int num_threads = 1;
 
   bool IsValid(std::string* error) const;
@@ -54,7 +57,7 @@ struct GlobalPositioningSummary {
 // indices out of range, rays that are no unit vectors and weights that are not
 // finite and positive.
 //
-// The same for any number of threads.
+// The same for any number of threads, if scales are eliminated.
 GlobalPositioningSummary SolveGlobalPositioning(
     const std::vector<PositioningObservation>& observations,
     int fixed_camera,
