@@ -88,8 +88,9 @@ TEST_F(GlobalDepthMapperTest, PairsOfFewKeypointsAreVerifiedByAllMatches) {
   ASSERT_EQ(Map(few), 0);
   const auto report = read_report();
   EXPECT_EQ(report["models"][0]["images"], 12);
-  // The two false pairs leave.
-  EXPECT_EQ(report["pairs"]["valid"], report["view_graph"].size() - 2);
+  // The two false pairs; what is left of others may be too little for the
+  // model.
+  EXPECT_EQ(report["pairs"]["rotation_outlier"], 2);
   for (const auto& entry : report["view_graph"]) {
     EXPECT_LT(entry["num_matches"], 60);
   }
