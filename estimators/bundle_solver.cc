@@ -175,6 +175,8 @@ class BundleProblem
     UpdateRotations();
   }
 
+  Eigen::Vector3d& Point(int point) override { return bundle_->points[point]; }
+
  private:
   static constexpr int kFirstIntrinsic = kPose + kUseDepth;
 

@@ -133,6 +133,8 @@ class PositioningProblem : public PointProblem<3, 3> {
     points_.swap(saved_points_);
   }
 
+  Eigen::Vector3d& Point(int point) override { return points_[point]; }
+
  private:
   Eigen::Vector3d Residual(int k, Eigen::Matrix3d* by_point) const {
     const PositioningObservation& observation = observations_[k];

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -54,6 +55,22 @@ class PointElimination {
   // To be filled, one an observation.
   std::vector<Row>& Rows() { return rows_; }
 
+  // The observations of a point are contiguous.
+  int PointBegin(int point) const { return index_.PointBegin(point); }
+  int PointEnd(int point) const { return index_.PointEnd(point); }
+
+  // J^T J and J^T r of a point by its rows.
+  std::pair<Eigen::Matrix3d, Eigen::Vector3d> NormalEquations(int point) const {
+    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    for (int k = PointBegin(point); k < PointEnd(point); ++k) {
+      const Row& row = rows_[k];
+      hessian += row.by_point.lazyProduct(row.by_point.transpose());
+      gradient += row.by_point.lazyProduct(row.residual);
+    }
+    return {hessian, gradient};
+  }
+
   // Pairs of columns that the reduced system couples.
   std::vector<std::pair<int, int>> Pattern() const {
     std::vector<std::pair<int, int>> pattern;
@@ -80,13 +97,7 @@ class PointElimination {
   void Accumulate(Eigen::VectorXd* diagonal, Eigen::VectorXd* gradient) {
     ParallelChunks(observations_.num_points, [&](int point) {
       PointBlock& block = point_blocks_[point];
-      block.hessian.setZero();
-      block.gradient.setZero();
-      for (int k = index_.PointBegin(point); k < index_.PointEnd(point); ++k) {
-        const Row& row = rows_[k];
-        block.hessian += row.by_point.lazyProduct(row.by_point.transpose());
-        block.gradient += row.by_point.lazyProduct(row.residual);
-      }
+      std::tie(block.hessian, block.gradient) = NormalEquations(point);
     });
     index_.ForCameraRanges(num_threads_, [this](int first, int last) {
       AccumulateOf(first, last);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -60,6 +61,8 @@ class PointProblem {
   virtual void Step(const Eigen::VectorXd& column_steps,
                     const std::vector<Eigen::Vector3d>& point_steps) = 0;
   virtual void Undo() = 0;
+  // May be moved by itself.
+  virtual Eigen::Vector3d& Point(int point) = 0;
 
   ObservationIndex observation_index;
   std::vector<CameraColumns> camera_columns;
@@ -90,7 +93,8 @@ class PointMinimizer {
     summary.initial_cost = summary.final_cost = cost;
     summary.success = std::isfinite(cost);
     if (!summary.success) return summary;
-    Linearize();
+    cost -= LinearizeAndRefinePoints(cost);
+    summary.final_cost = cost;
     while (summary.num_iterations < options_.max_num_iterations &&
            damping_ < kMaxDamping) {
       ++summary.num_iterations;
@@ -109,13 +113,14 @@ class PointMinimizer {
         Reject();
         continue;
       }
-      summary.final_cost = new_cost;
-      summary.converged = cost - new_cost <= options_.function_tolerance * cost;
-      if (summary.converged) break;
-      cost = new_cost;
       damping_ *= std::max(1.0 / 3, 1 - std::pow(2 * gain - 1, 3));
       growth_ = 2;
-      Linearize();
+      const double last_cost = cost;
+      cost = new_cost - LinearizeAndRefinePoints(new_cost);
+      summary.final_cost = cost;
+      summary.converged =
+          last_cost - cost <= options_.function_tolerance * last_cost;
+      if (summary.converged) break;
     }
     return summary;
   }
@@ -126,6 +131,10 @@ class PointMinimizer {
   static constexpr double kMinGain = 1e-3;
   static constexpr double kRoundingShare = 1e-12;
   static constexpr int kChunkSize = 4096;
+  // Of the decrease at which all has converged, what one point must promise to
+  // be refined by itself.
+  static constexpr double kPointShare = 0.01;
+  static constexpr int kMaxNumPointIterations = 10;
 
   std::vector<std::pair<int, int>> Pattern() {
     std::vector<std::pair<int, int>> pattern = elimination_.Pattern();
@@ -150,10 +159,19 @@ class PointMinimizer {
     return cost;
   }
 
-  void Linearize() {
+  // A few points, wrong ones above all, take many more steps than the cameras.
+  // Those that promise a lower cost by themselves go on at once, with the
+  // cameras held. Returns the decrease of the cost.
+  double LinearizeAndRefinePoints(double cost) {
     auto& rows = elimination_.Rows();
     elimination_.ParallelChunks(
         int(rows.size()), [&](int k) { problem_->Linearize(k, &rows[k]); });
+    const double min_decrease =
+        kPointShare * options_.function_tolerance * cost;
+    std::vector<double> decreases(problem_->observation_index.num_points);
+    elimination_.ParallelChunks(int(decreases.size()), [&](int point) {
+      decreases[point] = RefinePoint(point, min_decrease);
+    });
     diagonal_.setZero(problem_->num_columns);
     gradient_.setZero(problem_->num_columns);
     elimination_.Accumulate(&diagonal_, &gradient_);
@@ -164,6 +182,49 @@ class PointMinimizer {
     for (const auto& term : terms_) {
       if (term.row() == term.col()) diagonal_(term.row()) += term.value();
     }
+    return std::accumulate(decreases.begin(), decreases.end(), 0.0);
+  }
+
+  double RefinePoint(int point, double min_decrease) {
+    double total = 0;
+    double cost = -1;
+    double damping = kInitialDamping;
+    for (int i = 0; i < kMaxNumPointIterations; ++i) {
+      const auto [hessian, gradient] = elimination_.NormalEquations(point);
+      Eigen::Matrix3d damped = hessian;
+      damped.diagonal() +=
+          damping * Problem::Elimination::Damped(hessian.diagonal());
+      const Eigen::Vector3d step = -damped.llt().solve(gradient);
+      if (!(-0.5 * gradient.dot(step) > min_decrease)) break;
+      if (cost < 0) cost = CostOfPoint(point);
+      const Eigen::Vector3d start = problem_->Point(point);
+      problem_->Point(point) += step;
+      const double new_cost = CostOfPoint(point);
+      if (!(new_cost < cost)) {
+        problem_->Point(point) = start;
+        damping *= 10;
+        continue;
+      }
+      total += cost - new_cost;
+      cost = new_cost;
+      damping /= 10;
+      for (int k = elimination_.PointBegin(point);
+           k < elimination_.PointEnd(point);
+           ++k) {
+        problem_->Linearize(k, &elimination_.Rows()[k]);
+      }
+    }
+    return total;
+  }
+
+  double CostOfPoint(int point) const {
+    double cost = 0;
+    for (int k = elimination_.PointBegin(point);
+         k < elimination_.PointEnd(point);
+         ++k) {
+      cost += problem_->Cost(k);
+    }
+    return cost;
   }
 
   // Returns the decrease of the cost that the linearised problem promises, 0 if
@@ -217,6 +278,7 @@ class PointMinimizer {
 // Minimises the sum of the costs. Steps are taken where they decrease the cost
 // at least by a thousandth of what the linearised problem promises; the
 // damping, relative to the diagonal of J^T J, follows their ratio (Nielsen).
+// Between steps, points far from their minimum given the cameras go there.
 // The same for any number of threads.
 template <int kResidual, int kCamera>
 PointMinimizerSummary MinimizeWithPoints(
