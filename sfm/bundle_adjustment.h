@@ -21,9 +21,9 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 100;
   // Relative decrease of the cost by an iteration that ends it [1].
   double function_tolerance = 1e-5;
-  // Residual from which the soft L1 loss grows linearly [px]: about twice the
-  // noise of key points.
-  double loss_scale_px = 0.5;
+  // Residual from which the soft L1 loss grows linearly [px]: errors of key
+  // points have long tails.
+  double loss_scale_px = 0.25;
   IntrinsicsPriorOptions intrinsics;
   // Whether the depth maps that are given take part, each with a factor of its
   // own.
