@@ -45,35 +45,40 @@ void ReducedCameraSystem::AddPoint(
     return;
   }
   const Eigen::Matrix3d point_covariance = point_information.inverse();
-  const auto add = [&](const LinearizedObservation& observation1,
-                       const LinearizedObservation& observation2,
-                       const Eigen::MatrixXd& block) {
-    for (size_t i = 0; i < observation1.params.size(); ++i) {
-      for (size_t j = 0; j < observation2.params.size(); ++j) {
-        information_(observation1.params[i], observation2.params[j]) +=
-            block(Eigen::Index(i), Eigen::Index(j));
-      }
+  for (size_t k = 0; k < observations.size(); ++k) {
+    const LinearizedObservation& observation = observations[k];
+    const Eigen::Matrix<double, 2, 3> projected =
+        observation.point_jacobian * point_covariance;
+    const Eigen::Vector2d residual =
+        observation.residual - projected * point_gradient;
+    for (size_t i = 0; i < observation.params.size(); ++i) {
+      gradient_(observation.params[i]) +=
+          observation.camera_jacobian.col(Eigen::Index(i)).dot(residual);
     }
-  };
-  for (const LinearizedObservation& observation1 : observations) {
-    add(observation1,
-        observation1,
-        observation1.camera_jacobian.transpose() *
-            observation1.camera_jacobian);
-    const Eigen::MatrixX3d weights = observation1.camera_jacobian.transpose() *
-                                     observation1.point_jacobian *
-                                     point_covariance;
-    const Eigen::VectorXd gradient =
-        observation1.camera_jacobian.transpose() * observation1.residual -
-        weights * point_gradient;
-    for (size_t i = 0; i < observation1.params.size(); ++i) {
-      gradient_(observation1.params[i]) += gradient(Eigen::Index(i));
+    for (size_t l = k; l < observations.size(); ++l) {
+      Eigen::Matrix2d core =
+          -projected * observations[l].point_jacobian.transpose();
+      if (l == k) core += Eigen::Matrix2d::Identity();
+      AddBlock(observation, core, observations[l], /*both=*/l > k);
     }
-    for (const LinearizedObservation& observation2 : observations) {
-      add(observation1,
-          observation2,
-          -weights * observation2.point_jacobian.transpose() *
-              observation2.camera_jacobian);
+  }
+}
+
+// J1^T core J2 and, of two observations, its transpose.
+void ReducedCameraSystem::AddBlock(const LinearizedObservation& observation1,
+                                   const Eigen::Matrix2d& core,
+                                   const LinearizedObservation& observation2,
+                                   bool both) {
+  for (size_t j = 0; j < observation2.params.size(); ++j) {
+    const Eigen::Vector2d right =
+        core * observation2.camera_jacobian.col(Eigen::Index(j));
+    const int param2 = observation2.params[j];
+    for (size_t i = 0; i < observation1.params.size(); ++i) {
+      const double value =
+          observation1.camera_jacobian.col(Eigen::Index(i)).dot(right);
+      const int param1 = observation1.params[i];
+      information_(param1, param2) += value;
+      if (both) information_(param2, param1) += value;
     }
   }
 }

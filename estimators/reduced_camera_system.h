@@ -12,11 +12,16 @@ namespace dgsfm {
 // Whitened residual r(c, x) of an observation and its Jacobians over some of
 // the camera parameters c and the point x.
 struct LinearizedObservation {
+  // Of a pose and intrinsics.
+  static constexpr int kMaxNumParams = 18;
+  using CameraJacobian = Eigen::
+      Matrix<double, 2, Eigen::Dynamic, Eigen::ColMajor, 2, kMaxNumParams>;
+
   Eigen::Vector2d residual = Eigen::Vector2d::Zero();
   // Indices of the camera parameters it depends on, each at most once.
   std::vector<int> params;
   // 2 x params.size().
-  Eigen::Matrix2Xd camera_jacobian;
+  CameraJacobian camera_jacobian;
   Eigen::Matrix<double, 2, 3> point_jacobian;
 };
 
@@ -53,6 +58,11 @@ class ReducedCameraSystem {
   std::optional<Marginal> MarginalOf(const std::vector<int>& params) const;
 
  private:
+  void AddBlock(const LinearizedObservation& observation1,
+                const Eigen::Matrix2d& core,
+                const LinearizedObservation& observation2,
+                bool both);
+
   Eigen::MatrixXd information_;
   Eigen::VectorXd gradient_;
 };

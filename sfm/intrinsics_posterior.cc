@@ -20,6 +20,10 @@ constexpr size_t kMaxNumDenseImages = 400;
 // unit: any value that is small against what the data say.
 constexpr double kGaugeStddev = 1e-6;
 constexpr int kNumPoseParams = 6;
+// Scale of the soft L1 loss, of that of the adjustment: residuals of points
+// that few images see follow so narrow a loss, and with it tell of less noise
+// than there is.
+constexpr double kLossFactor = 4;
 
 Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
   Eigen::Matrix3d matrix;
@@ -174,9 +178,10 @@ class PosteriorProblem {
     const Eigen::Vector2d residual = projection - point2D.XY();
 
     // Of the soft L1 loss.
+    const double loss_scale_px = kLossFactor * options_.loss_scale_px;
     const double weight =
-        1 / std::sqrt(1 + residual.squaredNorm() / (options_.loss_scale_px *
-                                                    options_.loss_scale_px));
+        1 /
+        std::sqrt(1 + residual.squaredNorm() / (loss_scale_px * loss_scale_px));
     ++num_observations_;
     sum_weights_ += weight;
     sum_slopes_ += (weight + weight * weight * weight) / 2;
@@ -187,27 +192,26 @@ class PosteriorProblem {
     observation.residual = root * residual;
     observation.point_jacobian =
         root * by.point * cam_from_world.rotation.toRotationMatrix();
-    const auto num_intrinsics = Eigen::Index(camera.NumParams());
-    Eigen::Matrix2Xd jacobian(2, kNumPoseParams + num_intrinsics);
-    jacobian << -by.point *
-                    CrossMatrix(point_in_cam - cam_from_world.translation),
-        by.point, by.params.leftCols(num_intrinsics);
-    std::vector<int> params;
-    for (int i = 0; i < kNumPoseParams; ++i) {
-      params.push_back(first_pose_param_.at(element.image_id) + i);
-    }
+    Eigen::Matrix<double, 2, kNumPoseParams> by_pose;
+    by_pose << -by.point *
+                   CrossMatrix(point_in_cam - cam_from_world.translation),
+        by.point;
+    const int first_pose_param = first_pose_param_.at(element.image_id);
     const std::vector<int>& intrinsics =
         intrinsic_params_.at(BlockOf(image.CameraId()));
-    params.insert(params.end(), intrinsics.begin(), intrinsics.end());
-    observation.camera_jacobian.resize(2, 0);
-    for (size_t i = 0; i < params.size(); ++i) {
-      if (params[i] < 0) continue;
-      const Eigen::Index column = observation.camera_jacobian.cols();
-      observation.camera_jacobian.conservativeResize(2, column + 1);
-      observation.camera_jacobian.col(column) =
-          root * jacobian.col(Eigen::Index(i));
-      observation.params.push_back(params[i]);
+    auto& jacobian = observation.camera_jacobian;
+    jacobian.resize(2, kNumPoseParams + Eigen::Index(intrinsics.size()));
+    jacobian.leftCols<kNumPoseParams>() = root * by_pose;
+    for (int i = 0; i < kNumPoseParams; ++i) {
+      observation.params.push_back(first_pose_param + i);
     }
+    for (size_t i = 0; i < intrinsics.size(); ++i) {
+      if (intrinsics[i] < 0) continue;
+      jacobian.col(Eigen::Index(observation.params.size())) =
+          root * by.params.col(Eigen::Index(i));
+      observation.params.push_back(intrinsics[i]);
+    }
+    jacobian.conservativeResize(2, Eigen::Index(observation.params.size()));
     return observation;
   }
 

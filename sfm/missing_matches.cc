@@ -1,11 +1,8 @@
 #include "sfm/missing_matches.h"
 
-#include "estimators/ray_intersection.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <set>
 #include <vector>
 
 namespace dgsfm {
@@ -28,12 +25,7 @@ constexpr double kAccidentalShare = 0.02;
 constexpr double kPartCost = 4.0;
 constexpr double kMaxPartEvidence = 8.0;
 
-struct View {
-  const colmap::Image& image;
-  const colmap::Camera& camera;
-  const std::vector<float>& depths;
-  const std::vector<int>& num_matched_pairs;
-};
+using Features = std::vector<MissingMatches::Feature>;
 
 struct Part {
   int num_features = 0;
@@ -41,39 +33,41 @@ struct Part {
 };
 using Parts = std::array<Part, kGridSize * kGridSize>;
 
-// Looks for the features of `view` in `other`; the pose maps from the camera of
-// view, in units of its depth map.
-Parts LookForFeatures(const View& view,
-                      const View& other,
+// Looks for the features of one image in another; the pose maps from the camera
+// of the first, in units of its depth map. The features that the pair matches
+// are flagged.
+Parts LookForFeatures(const Features& features,
+                      const std::vector<bool>& is_matched,
                       const Rigid3d& other_from_view,
-                      const std::set<colmap::point2D_t>& matched) {
+                      const colmap::Camera& other) {
   Parts parts;
+  const Eigen::Matrix3d rotation = other_from_view.rotation.toRotationMatrix();
   const Eigen::Vector3d other_center = other_from_view.TargetOriginInSource();
-  const Eigen::Vector2d size(other.camera.Width(), other.camera.Height());
-  for (colmap::point2D_t i = 0; i < view.image.NumPoints2D(); ++i) {
-    const bool is_matched = matched.count(i) > 0;
-    if (view.depths[i] <= 0 || view.num_matched_pairs[i] <= int(is_matched)) {
-      continue;
-    }
-    const Eigen::Vector3d point =
-        view.depths[i] *
-        view.camera.ImageToWorld(view.image.Point2D(i).XY()).homogeneous();
-    const Eigen::Vector3d in_other = other_from_view * point;
-    const double log_distance_ratio = std::log(in_other.norm() / point.norm());
-    if (in_other.z() <= 0 ||
-        std::abs(log_distance_ratio) > std::log(kMaxDistanceRatio) ||
-        AngleDeg(point, point - other_center) > kMaxViewAngleDeg) {
+  const double min_cosine = std::cos(kMaxViewAngleDeg * M_PI / 180);
+  const Eigen::Vector2d size(other.Width(), other.Height());
+  for (const MissingMatches::Feature& feature : features) {
+    const bool matched = is_matched[feature.point2D_idx];
+    if (feature.num_matched_pairs <= int(matched)) continue;
+    const Eigen::Vector3d& point = feature.point_in_cam;
+    const Eigen::Vector3d in_other =
+        rotation * point + other_from_view.translation;
+    const double distance = point.norm();
+    const double other_distance = in_other.norm();
+    if (in_other.z() <= 0 || other_distance > kMaxDistanceRatio * distance ||
+        distance > kMaxDistanceRatio * other_distance ||
+        point.dot(point - other_center) <
+            min_cosine * distance * other_distance) {
       continue;
     }
     const Eigen::Vector2d relative =
-        other.camera.WorldToImage(in_other.hnormalized()).cwiseQuotient(size);
+        other.WorldToImage(in_other.hnormalized()).cwiseQuotient(size);
     if (relative.minCoeff() < kBorder || relative.maxCoeff() > 1 - kBorder) {
       continue;
     }
     const Eigen::Vector2i cell = (kGridSize * relative).cast<int>();
     Part& part = parts[cell.y() * kGridSize + cell.x()];
     ++part.num_features;
-    part.num_matched += is_matched;
+    part.num_matched += matched;
   }
   return parts;
 }
@@ -109,16 +103,34 @@ double EvidenceOfParts(const Parts& parts) {
 MissingMatches::MissingMatches(const Scene& scene,
                                const KeypointDepthMap& depths,
                                const PairGeometries& pairs)
-    : scene_(scene), depths_(depths), pairs_(pairs) {
-  for (const auto& [image_id, image] : scene.images) {
-    num_matched_pairs_[image_id].resize(image.NumPoints2D(), 0);
+    : scene_(scene), pairs_(pairs) {
+  std::map<colmap::image_t, std::vector<int>> num_matched_pairs;
+  for (const auto& [image_id, depths_of_image] : depths) {
+    num_matched_pairs[image_id].resize(depths_of_image.depths.size(), 0);
   }
+  const auto count = [&](colmap::image_t image_id, colmap::point2D_t idx) {
+    const auto it = num_matched_pairs.find(image_id);
+    if (it != num_matched_pairs.end()) ++it->second[idx];
+  };
   for (const auto& [pair_id, pair] : pairs) {
     if (pair.status != PairStatus::VALID) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-      ++num_matched_pairs_[image_id1][match.point2D_idx1];
-      ++num_matched_pairs_[image_id2][match.point2D_idx2];
+      count(image_id1, match.point2D_idx1);
+      count(image_id2, match.point2D_idx2);
+    }
+  }
+  for (const auto& [image_id, counts] : num_matched_pairs) {
+    const colmap::Image& image = scene.images.at(image_id);
+    const colmap::Camera& camera = scene.cameras.at(image.CameraId());
+    const std::vector<float>& depths_of_image = depths.at(image_id).depths;
+    for (colmap::point2D_t i = 0; i < counts.size(); ++i) {
+      if (counts[i] == 0 || !(depths_of_image[i] > 0)) continue;
+      features_[image_id].push_back(
+          {i,
+           counts[i],
+           depths_of_image[i] *
+               camera.ImageToWorld(image.Point2D(i).XY()).homogeneous()});
     }
   }
 }
@@ -126,33 +138,31 @@ MissingMatches::MissingMatches(const Scene& scene,
 double MissingMatches::EvidenceAgainst(colmap::image_pair_t pair_id) const {
   const PairGeometry& pair = pairs_.at(pair_id);
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  if (!pair.has_scale || depths_.count(image_id1) == 0 ||
-      depths_.count(image_id2) == 0) {
+  const auto features1 = features_.find(image_id1);
+  const auto features2 = features_.find(image_id2);
+  if (!pair.has_scale || features1 == features_.end() ||
+      features2 == features_.end()) {
     return 0;
   }
-  const auto view_of = [&](colmap::image_t image_id) {
-    const colmap::Image& image = scene_.images.at(image_id);
-    return View{image,
-                scene_.cameras.at(image.CameraId()),
-                depths_.at(image_id).depths,
-                num_matched_pairs_.at(image_id)};
-  };
-  const View view1 = view_of(image_id1);
-  const View view2 = view_of(image_id2);
-  std::set<colmap::point2D_t> matched1, matched2;
+  const colmap::Image& image1 = scene_.images.at(image_id1);
+  const colmap::Image& image2 = scene_.images.at(image_id2);
+  std::vector<bool> is_matched1(image1.NumPoints2D(), false);
+  std::vector<bool> is_matched2(image2.NumPoints2D(), false);
   for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-    matched1.insert(match.point2D_idx1);
-    matched2.insert(match.point2D_idx2);
+    is_matched1[match.point2D_idx1] = true;
+    is_matched2[match.point2D_idx2] = true;
   }
   // A passer-by hides features in one of the images only.
   return std::min(
-      EvidenceOfParts(
-          LookForFeatures(view1, view2, pair.cam2_from_cam1, matched1)),
+      EvidenceOfParts(LookForFeatures(features1->second,
+                                      is_matched1,
+                                      pair.cam2_from_cam1,
+                                      scene_.cameras.at(image2.CameraId()))),
       EvidenceOfParts(LookForFeatures(
-          view2,
-          view1,
+          features2->second,
+          is_matched2,
           InverseScaledPose(pair.cam2_from_cam1, pair.scale_1_from_2),
-          matched2)));
+          scene_.cameras.at(image1.CameraId()))));
 }
 
 }  // namespace dgsfm

@@ -7,6 +7,8 @@
 #include <map>
 #include <vector>
 
+#include <Eigen/Core>
+
 namespace dgsfm {
 
 // Images of look-alike places agree where the places do, and have no matches
@@ -17,7 +19,15 @@ namespace dgsfm {
 // false one none in whole parts of the image.
 class MissingMatches {
  public:
-  // The references must outlive it and not change.
+  // Of an image, with depth and matched by a valid pair.
+  struct Feature {
+    colmap::point2D_t point2D_idx = 0;
+    int num_matched_pairs = 0;
+    // In units of the depth map.
+    Eigen::Vector3d point_in_cam = Eigen::Vector3d::Zero();
+  };
+
+  // The scene and the pairs must outlive it and not change.
   MissingMatches(const Scene& scene,
                  const KeypointDepthMap& depths,
                  const PairGeometries& pairs);
@@ -28,10 +38,8 @@ class MissingMatches {
 
  private:
   const Scene& scene_;
-  const KeypointDepthMap& depths_;
   const PairGeometries& pairs_;
-  // Of each feature of each image: how many valid pairs match it.
-  std::map<colmap::image_t, std::vector<int>> num_matched_pairs_;
+  std::map<colmap::image_t, std::vector<Feature>> features_;
 };
 
 }  // namespace dgsfm

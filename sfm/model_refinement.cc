@@ -16,7 +16,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <unordered_set>
 
 namespace dgsfm {
@@ -127,8 +126,8 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
   two_view.focal2 = camera2.MeanFocalLength();
   const Eigen::Matrix3d F = two_view.FundamentalMatrix();
   colmap::FeatureMatches consistent;
-  std::set<colmap::point2D_t> used1;
-  std::set<colmap::point2D_t> used2;
+  std::vector<bool> is_used1(image1.NumPoints2D(), false);
+  std::vector<bool> is_used2(image2.NumPoints2D(), false);
   for (const colmap::FeatureMatch& match : matches) {
     const auto point1 =
         UndistortPoint(camera1, image1.Point2D(match.point2D_idx1).XY());
@@ -141,10 +140,9 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
                               UndistortedCovariance(point1->pixel_jacobian),
                               UndistortedCovariance(point2->pixel_jacobian))) <=
             max_error_px &&
-        used1.count(match.point2D_idx1) == 0 &&
-        used2.count(match.point2D_idx2) == 0) {
-      used1.insert(match.point2D_idx1);
-      used2.insert(match.point2D_idx2);
+        !is_used1[match.point2D_idx1] && !is_used2[match.point2D_idx2]) {
+      is_used1[match.point2D_idx1] = true;
+      is_used2[match.point2D_idx2] = true;
       consistent.push_back(match);
     }
   }

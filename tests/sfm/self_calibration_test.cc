@@ -85,7 +85,7 @@ TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
   ASSERT_TRUE(scene.Adjust());
   const auto posterior = scene.Posterior();
   ASSERT_TRUE(posterior);
-  // 7000 residuals tell it to 1 %; soft L1 at 0.5 px bends it by some per cent.
+  // 7000 residuals tell it to 1 %; soft L1 bends it by some per cent.
   EXPECT_NEAR(posterior->keypoint_stddev_px, kKeypointStddev, 0.05);
   double sum = 0;
   const auto size = posterior->params.size();
