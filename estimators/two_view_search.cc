@@ -66,7 +66,8 @@ class Search {
   void Keep(const TwoViewCandidate& candidate);
   bool IsDone(const Stream& stream,
               double inlier_ratio,
-              double confidence) const;
+              double confidence,
+              double margin) const;
   bool IsHopeless() const;
   double InlierRatio() const;
   double DepthInlierRatio() const;
@@ -101,6 +102,8 @@ TwoViewSearchResult Search::Run() {
   // useless.
   constexpr double kDepthShare = 0.5;
   constexpr double kUselessDepthShare = 0.1;
+  // Samples of inliers alone are not all good under noise.
+  constexpr double kMargin = 2;
   double depth_share = !depth_.source ? 0 : !epipolar_.source ? 1 : kDepthShare;
   const int min_num_trials =
       options_.paper
@@ -125,9 +128,9 @@ TwoViewSearchResult Search::Run() {
     const int num_counted = depth_share == kUselessDepthShare
                                 ? epipolar_.num_trials
                                 : result_.num_trials;
-    if (IsDone(depth_, depth_inlier_ratio, options_.confidence) ||
-        IsDone(epipolar_, inlier_ratio, options_.confidence) || IsHopeless() ||
-        num_counted >= options_.max_num_trials) {
+    if (IsDone(depth_, depth_inlier_ratio, options_.confidence, kMargin) ||
+        IsDone(epipolar_, inlier_ratio, options_.confidence, kMargin) ||
+        IsHopeless() || num_counted >= options_.max_num_trials) {
       break;
     }
   }
@@ -251,14 +254,13 @@ bool Search::DepthsAreUseful() const {
 
 bool Search::IsDone(const Stream& stream,
                     double inlier_ratio,
-                    double confidence) const {
-  // Samples of inliers alone are not all good under noise.
-  constexpr double kMargin = 2;
+                    double confidence,
+                    double margin) const {
   if (!stream.source) return false;
   const double good = std::pow(inlier_ratio, stream.source->SampleSize());
   if (good >= 1) return true;
   return stream.num_trials * std::log1p(-good) <
-         kMargin * std::log1p(-confidence);
+         margin * std::log1p(-confidence);
 }
 
 // Whether both kinds of samples would have found a model of use.
@@ -268,7 +270,8 @@ bool Search::IsHopeless() const {
       1.0,
       static_cast<double>(problem_.MinNumInliers()) / problem_.Data().Size());
   const auto is_exhausted = [&](const Stream& stream) {
-    return !stream.source || IsDone(stream, inlier_ratio, kConfidence);
+    return !stream.source ||
+           IsDone(stream, inlier_ratio, kConfidence, /*margin=*/1);
   };
   return InlierRatio() < inlier_ratio && is_exhausted(depth_) &&
          is_exhausted(epipolar_);
