@@ -108,6 +108,21 @@ void BindRefinement(ModelRefinementOptions* options,
       .Add("gp_loss_scale",
            &options->global_positioning.loss_scale,
            "Huber threshold of global positioning [sine of angle]")
+      .Add("gp_use_depth",
+           &options->global_positioning.use_depth,
+           "depth maps of images that see too few points with parallax take "
+           "part in global positioning")
+      .Add("gp_ray_stddev",
+           &options->global_positioning.ray_stddev,
+           "error of a ray that weighs as much as the standard deviation of a "
+           "depth [sine of angle]")
+      .Add("gp_max_num_depths",
+           &options->global_positioning.max_num_depths,
+           "depths of an image that count in global positioning; more share "
+           "their weight")
+      .Add("gp_log_factor_stddev",
+           &options->global_positioning.log_factor_stddev,
+           "prior of the factors of depth maps about those of the start [log]")
       .Add("gp_eliminate_scales",
            &options->global_positioning.eliminate_scales,
            "eliminate the scale of each observation in global positioning, "
@@ -242,6 +257,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
 
   ModelRefinementOptions& refinement = mapper.refinement;
   refinement.global_positioning.max_num_iterations = 100;
+  refinement.global_positioning.use_depth = false;
   refinement.global_positioning.function_tolerance = kPaperTolerance;
   refinement.num_bundle_adjustment_rounds = 3;
   refinement.min_num_triangulated_per_image = 0;

@@ -17,6 +17,10 @@ struct PositioningObservation {
   Eigen::Vector3d ray_in_world = Eigen::Vector3d::UnitZ();
   // Weight of the squared residual [1].
   double weight = 1;
+  // Logarithm of the distance between camera and point by a depth map, and its
+  // standard deviation [1]; 0 = unknown.
+  double log_distance = 0;
+  double log_distance_stddev = 0;
 };
 
 struct GlobalPositioningOptions {
@@ -29,6 +33,17 @@ struct GlobalPositioningOptions {
   // Whether the scale of each observation is eliminated; otherwise all are
   // parameters, as in the paper, which has the same minima.
   bool eliminate_scales = true;
+  // Whether log distances take part, each camera's with a factor of its own.
+  // Not with scales as parameters.
+  bool use_depth = true;
+  // Error of a ray [sine of angle] that weighs as much as a log distance that
+  // is off by its standard deviation ...
+  double ray_stddev = 0.005;
+  // ... of a camera with this many; more share the weight, since their errors
+  // have causes in common.
+  double max_num_depths = 20;
+  // Standard deviation of the logarithms of the cameras' factors about 0 [1].
+  double log_factor_stddev = 0.05;
   int num_threads = 1;
 
   bool IsValid(std::string* error) const;
@@ -46,6 +61,11 @@ struct GlobalPositioningSummary {
 // centres c and points X: the scale alpha of each observation is eliminated
 // in closed form (see estimators/ray_point_residual.h). Points behind a camera
 // do not feel its ray.
+//
+// With `use_depth`, e = log |X - c| - log_distance - b_c adds v rho_c(e /
+// stddev) with a Cauchy loss, and each log factor b_c its prior, to the cost,
+// where v = ray_stddev^2 min(1, max_num_depths / number of the camera's
+// depths). The factors are unknowns, 0 at first.
 //
 // Gauge: centre of fixed_camera constant; the scale is held by the start's
 // damping and restored afterwards: a scaling about the fixed centre makes the

@@ -324,8 +324,8 @@ bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
   if (model->NumPoints3D() == 0) return false;
   if (options_.skip_global_positioning) return true;
   StageTimer timer("global_positioning");
-  const GlobalPositioningSummary summary =
-      PositionCameras(options_.refinement, AnchorImage(*model), model);
+  const GlobalPositioningSummary summary = PositionCameras(
+      options_.refinement, depth_priors_, AnchorImage(*model), model);
   if (!summary.success) {
     LOG(ERROR) << "Global positioning failed: " << summary.message;
     return false;

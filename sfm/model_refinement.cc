@@ -39,6 +39,15 @@ Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
       .normalized();
 }
 
+// Where the depth map knows the distance.
+void SetLogDistance(double distance,
+                    double log_stddev,
+                    PositioningObservation* observation) {
+  if (!(distance > 0)) return;
+  observation->log_distance = std::log(distance);
+  observation->log_distance_stddev = log_stddev;
+}
+
 // Standard deviation by the median absolute deviation.
 double SpreadAbout(double median, std::vector<double> values) {
   for (double& value : values) value = std::abs(value - median);
@@ -197,6 +206,7 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
 }
 
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
+                                         const DepthPriors& priors,
                                          colmap::image_t fixed_image,
                                          colmap::Reconstruction* model) {
   const ImageIndex index(SortedRegisteredImages(*model));
@@ -206,6 +216,14 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
     centers.push_back(
         CamFromWorld(model->Image(index.IdOf(i))).TargetOriginInSource());
   }
+  DepthPriors needed;
+  std::map<colmap::image_t, DepthScale> scales;
+  if (options.global_positioning.use_depth) {
+    needed = PriorsInNeed(options, *model, priors);
+    if (!needed.stddevs.empty()) {
+      scales = DepthScalesOfModel(*priors.depths, *model);
+    }
+  }
   std::vector<Eigen::Vector3d> points;
   std::vector<PositioningObservation> observations;
   for (const colmap::point3D_t point_id : point_ids) {
@@ -214,9 +232,19 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
       PositioningObservation observation;
       observation.camera = index.Of(element.image_id);
       observation.point = int(points.size());
+      const Eigen::Vector3d ray_in_cam = RayInCam(*model, element);
       observation.ray_in_world =
           CamFromWorld(model->Image(element.image_id)).rotation.conjugate() *
-          RayInCam(*model, element);
+          ray_in_cam;
+      const auto scale = scales.find(element.image_id);
+      if (needed.Has(element.image_id) && scale != scales.end()) {
+        SetLogDistance(scale->second.scale *
+                           priors.depths->at(element.image_id)
+                               .depths[element.point2D_idx] /
+                           ray_in_cam.z(),
+                       needed.stddevs.at(element.image_id),
+                       &observation);
+      }
       observations.push_back(observation);
     }
     points.push_back(point.XYZ());

@@ -54,8 +54,10 @@ struct ModelRefinementOptions {
 };
 
 // Refines centres and points with fixed rotations (DGSfM Eq. 17). The centre
-// of fixed_image stays. Returns the solver's summary.
+// of fixed_image stays. With use_depth, the depth maps of images that see too
+// few points with parallax take part. Returns the solver's summary.
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
+                                         const DepthPriors& priors,
                                          colmap::image_t fixed_image,
                                          colmap::Reconstruction* model);
 
