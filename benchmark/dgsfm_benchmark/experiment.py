@@ -5,7 +5,8 @@
     seeds = [0, 1, 2]
     threads = 1                  # of each mapper
     thresholds_deg = [1, 3, 5]   # of the pose AUC
-    reference = "name"           # engine that others are compared with
+    reference = "name"           # engine that others are compared with: in an
+                                 # ablation, or in time and memory
     plot = { x = "log_noise", ... }   # see plots.py
 
     [[dataset]]                  # one or more

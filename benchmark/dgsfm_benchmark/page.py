@@ -64,7 +64,7 @@ def write_page() -> None:
 
 def _place(item: tuple[str, dict]) -> tuple[int, str]:
     name = item[0]
-    order = ["real_photos", "depth_quality", "ablation", "scaling"]
+    order = ["real_photos", "speed", "depth_quality", "ablation", "scaling"]
     return (order.index(name) if name in order else len(order), name)
 
 
@@ -114,6 +114,11 @@ def _dataset_tables(experiment, records: list[Record], dataset) -> list[str]:
             "with a neighbour within 1, 2 and 5 cm.",
             "",
             *points,
+            "",
+        ]
+    if experiment.reference and not experiment.plot:
+        lines += [
+            *tables.ratio_table(records, engines, experiment.reference),
             "",
         ]
     return lines + [

@@ -174,6 +174,38 @@ def resource_table(records: list[Record], engines: Sequence[str]) -> list[str]:
     return markdown(["scene", *engines], rows)
 
 
+def ratio_table(
+    records: list[Record], engines: Sequence[str], reference: str
+) -> list[str]:
+    """Time and memory of the reference over those of the other engines, ratios
+    of medians over seeds."""
+
+    def median(scene, engine, key):
+        values = [
+            r[key]
+            for r in records
+            if r["scene"] == scene and r["engine"] == engine and key in r
+        ]
+        return np.median(values) if values else np.nan
+
+    columns = {
+        "wall time": "seconds",
+        "processor time": "cpu_seconds",
+        "peak memory": "peak_memory_mb",
+    }
+    rows = []
+    for scene in _unique(r["scene"] for r in records):
+        for engine in engines:
+            if engine == reference:
+                continue
+            ratios = [
+                median(scene, reference, key) / median(scene, engine, key)
+                for key in columns.values()
+            ]
+            rows.append([scene, engine, *(f"{r:.2f}" for r in ratios)])
+    return markdown(["scene", f"{reference} / ...", *columns], rows)
+
+
 def fit_exponent(x: Sequence[float], y: Sequence[float]) -> float:
     """Slope of log y over log x, by least squares."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])

@@ -188,6 +188,18 @@ class PageTest(unittest.TestCase):
         x = np.array([100, 300, 1000])
         self.assertAlmostEqual(tables.fit_exponent(x, 3 * x**1.15), 1.15)
 
+    def test_ratios_are_of_medians(self):
+        runs = [
+            record(engine, "exact", seed, 90.0, seconds=seconds)
+            for engine, times in {
+                "deep": [1.0, 9.0, 2.0],
+                "plain": [4.0, 8.0, 100.0],
+            }.items()
+            for seed, seconds in enumerate(times)
+        ]
+        table = tables.ratio_table(runs, ["deep", "plain"], "deep")
+        self.assertEqual(table[2:], ["| ring/exact | plain | 0.25 | 1.00 | 1.00 |"])
+
     def test_scaling_table_separates_verification(self):
         def usage(cpu_seconds, peak_memory_mb):
             return {
