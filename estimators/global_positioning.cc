@@ -257,6 +257,7 @@ PointMinimizerSummary MinimizeWithoutScales(
   minimizer.max_num_iterations = options.max_num_iterations;
   minimizer.function_tolerance = options.function_tolerance;
   minimizer.num_threads = options.num_threads;
+  minimizer.refine_points = false;
   return MinimizeWithPoints<3 + kNumFactors, 3 + kNumFactors>(minimizer,
                                                               &problem);
 }

@@ -21,6 +21,9 @@ struct PointMinimizerOptions {
   int max_num_iterations = 100;
   // Relative decrease of the cost by one step at which it has converged [1].
   double function_tolerance = 1e-6;
+  // Whether points that lag behind the cameras are refined by themselves
+  // between steps: not where cameras have far to go, whom this would hold back.
+  bool refine_points = true;
   int num_threads = 1;
   // Entries of the factor of the reduced system above which steps come from
   // conjugate gradients.
@@ -168,10 +171,12 @@ class PointMinimizer {
         int(rows.size()), [&](int k) { problem_->Linearize(k, &rows[k]); });
     const double min_decrease =
         kPointShare * options_.function_tolerance * cost;
-    std::vector<double> decreases(problem_->observation_index.num_points);
-    elimination_.ParallelChunks(int(decreases.size()), [&](int point) {
-      decreases[point] = RefinePoint(point, min_decrease);
-    });
+    std::vector<double> decreases(problem_->observation_index.num_points, 0);
+    if (options_.refine_points) {
+      elimination_.ParallelChunks(int(decreases.size()), [&](int point) {
+        decreases[point] = RefinePoint(point, min_decrease);
+      });
+    }
     diagonal_.setZero(problem_->num_columns);
     gradient_.setZero(problem_->num_columns);
     elimination_.Accumulate(&diagonal_, &gradient_);
