@@ -28,6 +28,12 @@ constexpr size_t kMinNumObservationsPerCamera = 50;
 // Observations below which threads cost more than they give.
 constexpr size_t kMinNumObservationsForThreads = 10000;
 
+// Loss scale that fits key points [median error], ...
+constexpr double kLossScalePerError = 1.5;
+// ... at least, of the largest one: the errors of exact key points are
+// rounding.
+constexpr double kMinLossScaleRatio = 0.1;
+
 // The arrays of a model, and back.
 class ModelBundle {
  public:
@@ -262,6 +268,27 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
                      max_depth_stddev,
                      error) &&
          intrinsics.IsValid(error);
+}
+
+double AdaptedLossScale(const BundleAdjustmentOptions& options,
+                        const colmap::Reconstruction& model) {
+  std::vector<double> errors_px;
+  for (const colmap::point3D_t point_id : SortedPoints(model)) {
+    const colmap::Point3D& point = model.Point3D(point_id);
+    for (const colmap::TrackElement& element : point.Track().Elements()) {
+      const colmap::Image& image = model.Image(element.image_id);
+      const Eigen::Vector3d in_cam = CamFromWorld(image) * point.XYZ();
+      if (!(in_cam.z() > 0)) continue;
+      errors_px.push_back(
+          (model.Camera(image.CameraId()).WorldToImage(in_cam.hnormalized()) -
+           image.Point2D(element.point2D_idx).XY())
+              .norm());
+    }
+  }
+  if (errors_px.empty()) return options.loss_scale_px;
+  return std::clamp(kLossScalePerError * Median(errors_px),
+                    kMinLossScaleRatio * options.loss_scale_px,
+                    options.loss_scale_px);
 }
 
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,

@@ -21,9 +21,8 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 100;
   // Relative decrease of the cost by an iteration that ends it [1].
   double function_tolerance = 1e-5;
-  // Residual from which the soft L1 loss grows linearly [px]: errors of key
-  // points have long tails.
-  double loss_scale_px = 0.25;
+  // Residual from which the soft L1 loss grows linearly [px].
+  double loss_scale_px = 0.5;
   IntrinsicsPriorOptions intrinsics;
   // Whether the depth maps that are given take part, each with a factor of its
   // own.
@@ -47,6 +46,11 @@ struct DepthPriors {
     return stddevs.count(image_id) > 0;
   }
 };
+
+// Smaller loss scale for a model whose key points are more accurate than that
+// of the options supposes: errors have long tails [px].
+double AdaptedLossScale(const BundleAdjustmentOptions& options,
+                        const colmap::Reconstruction& model);
 
 // Minimises the soft-L1 reprojection errors of all observations and the squared
 // deviations of intrinsics from what is believed (priors, and the means of the

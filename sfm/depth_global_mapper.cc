@@ -301,7 +301,10 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
 
   const bool success = PositionModel(model.get()) && AdjustModel(model.get());
   CameraBeliefs beliefs = beliefs_;
+  final_loss_scale_px_ = options_.refinement.bundle_adjustment.loss_scale_px;
   if (success && !options_.skip_retriangulation) {
+    final_loss_scale_px_ =
+        AdaptedLossScale(options_.refinement.bundle_adjustment, *model);
     beliefs = RetriangulateModel(pairs, model.get());
   }
   FinishModel(start_centers, model.get());
@@ -427,6 +430,7 @@ CameraBeliefs DepthGlobalMapper::RetriangulateModel(
 
 BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
   BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
+  adjustment.loss_scale_px = final_loss_scale_px_;
   adjustment.intrinsics.refine_principal_point =
       options_.refinement.refine_principal_point;
   return adjustment;

@@ -141,6 +141,7 @@ class DepthGlobalMapper {
   KeypointDepthMap depths_;
   // Of the present component, by how well they agree at its start.
   DepthPriors depth_priors_;
+  double final_loss_scale_px_ = 0;
   const PairScores& pair_scores_;
   DepthGlobalMapperResult result_;
 };
