@@ -4,6 +4,7 @@
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
 #include "sfm/depth_reliability.h"
+#include "sfm/metric_scale.h"
 #include "sfm/model_access.h"
 
 #include <algorithm>

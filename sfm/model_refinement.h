@@ -1,11 +1,10 @@
 // The nonlinear stages over a colmap::Reconstruction: global positioning,
-// bundle adjustment with filters, retriangulation, metric scale.
+// bundle adjustment with filters, retriangulation.
 
 #pragma once
 
 #include "estimators/global_positioning.h"
 #include "sfm/bundle_adjustment.h"
-#include "sfm/component_averaging.h"
 #include "sfm/view_graph.h"
 
 #include <colmap/util/alignment.h>
@@ -103,34 +102,5 @@ std::map<colmap::image_t, std::string> FilterImages(
 
 // Stores the mean reprojection error of each point in it [px].
 void UpdatePointErrors(colmap::Reconstruction* model);
-
-// Factors of the depth maps against the model: s_i = median over the points of
-// image i of z-depth / prior depth, for images with enough of them, and the
-// spread of the logarithms about it (1.4826 x median absolute deviation) [1].
-struct DepthScale {
-  double scale = 1;
-  double log_spread = 0;
-};
-std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
-    const KeypointDepthMap& depths, const colmap::Reconstruction& model);
-
-// Centres of the registered images.
-ImageCenters CentersOf(const colmap::Reconstruction& model);
-
-// Factor of the similarity that takes the first centres to the second ones best
-// in the least-squares sense, of the images in both; 0 with fewer than three of
-// them or where these coincide.
-double ScaleBetween(const ImageCenters& from, const ImageCenters& to);
-
-// Scales the model so that the median of its depth scales is one. Returns the
-// factor applied (1 without depth) and the spread of log s_i over images
-// (1.4826 x median absolute deviation) [1].
-struct MetricScale {
-  double factor = 1;
-  double log_spread = 0;
-  size_t num_images = 0;
-};
-MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
-                             colmap::Reconstruction* model);
 
 }  // namespace dgsfm
