@@ -71,7 +71,8 @@ void BindBundleAdjustment(ModelRefinementOptions* options,
            "relative decrease of the cost that ends bundle adjustment [1]")
       .Add("ba_loss_scale",
            &adjustment.loss_scale_px,
-           "residual from which the soft L1 loss grows linearly [px]")
+           "residual from which the soft L1 loss grows linearly; in the end "
+           "at most [px]")
       .Add("ba_refine_focal_length",
            &adjustment.intrinsics.refine_focal_length,
            "refine focal lengths")

@@ -3,6 +3,8 @@
 #include "colmap_ext/check.h"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace dgsfm {
 
@@ -12,6 +14,11 @@ double Median(std::vector<double> values) {
   std::nth_element(values.begin(), middle, values.end());
   if (values.size() % 2 == 1) return *middle;
   return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+double RobustStddev(std::vector<double> values, double center) {
+  for (double& value : values) value = std::abs(value - center);
+  return 1.4826 * Median(std::move(values));
 }
 
 }  // namespace dgsfm

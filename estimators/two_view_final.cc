@@ -35,12 +35,6 @@ constexpr Round kNoiseRound = {1e-4, 300};
 // the decrease.
 constexpr Round kLastRound = {1e-7, 1000};
 
-// Of a Gaussian, from the median absolute deviation about `center`.
-double RobustStddev(std::vector<double> values, double center) {
-  for (double& value : values) value = std::abs(value - center);
-  return 1.4826 * Median(std::move(values));
-}
-
 // Of log depth per map, over matches with depths.
 double DepthNoise(const TwoViewData& data,
                   const std::vector<int>& indices,

@@ -25,11 +25,8 @@ std::vector<int> RandomOrder(size_t size, SplitMix64* random) {
   return order;
 }
 
-// Of a Gaussian, from the median absolute deviation about the median.
-double RobustStddev(std::vector<double> values) {
-  const double center = Median(values);
-  for (double& value : values) value = std::abs(value - center);
-  return 1.4826 * Median(std::move(values));
+double SpreadOf(const std::vector<double>& values) {
+  return RobustStddev(values, Median(values));
 }
 
 TwoViewData OrderedData(const DepthMatches& matches,
@@ -160,10 +157,9 @@ bool TwoViewProblem::DepthsAreEvidence(const TwoViewModel& model) const {
     log_depths2.push_back(std::log(data_.depths2[i]));
   }
   if (log_ratios.size() < kMinNumPoints) return false;
-  const double noise = RobustStddev(log_ratios) / std::sqrt(2.0);
+  const double noise = SpreadOf(log_ratios) / std::sqrt(2.0);
   const double spread =
-      std::hypot(RobustStddev(log_depths1), RobustStddev(log_depths2)) /
-      std::sqrt(2.0);
+      std::hypot(SpreadOf(log_depths1), SpreadOf(log_depths2)) / std::sqrt(2.0);
   return noise < std::max(kMaxNoise, kMaxNoisePerSpread * spread);
 }
 

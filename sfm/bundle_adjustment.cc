@@ -276,13 +276,10 @@ double AdaptedLossScale(const BundleAdjustmentOptions& options,
   for (const colmap::point3D_t point_id : SortedPoints(model)) {
     const colmap::Point3D& point = model.Point3D(point_id);
     for (const colmap::TrackElement& element : point.Track().Elements()) {
-      const colmap::Image& image = model.Image(element.image_id);
-      const Eigen::Vector3d in_cam = CamFromWorld(image) * point.XYZ();
+      const Eigen::Vector3d in_cam =
+          CamFromWorld(model.Image(element.image_id)) * point.XYZ();
       if (!(in_cam.z() > 0)) continue;
-      errors_px.push_back(
-          (model.Camera(image.CameraId()).WorldToImage(in_cam.hnormalized()) -
-           image.Point2D(element.point2D_idx).XY())
-              .norm());
+      errors_px.push_back(ReprojectionError(model, element, in_cam));
     }
   }
   if (errors_px.empty()) return options.loss_scale_px;

@@ -21,7 +21,9 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 100;
   // Relative decrease of the cost by an iteration that ends it [1].
   double function_tolerance = 1e-5;
-  // Residual from which the soft L1 loss grows linearly [px].
+  // Residual from which the soft L1 loss grows linearly [px]; the mapper's
+  // final adjustments use less where key points are accurate, see
+  // AdaptedLossScale.
   double loss_scale_px = 0.5;
   IntrinsicsPriorOptions intrinsics;
   // Whether the depth maps that are given take part, each with a factor of its
@@ -47,8 +49,9 @@ struct DepthPriors {
   }
 };
 
-// Smaller loss scale for a model whose key points are more accurate than that
-// of the options supposes: errors have long tails [px].
+// Loss scale for a model as it is [px]: 1.5 times the median reprojection
+// error, at least a tenth of that of the options and at most that. Errors of
+// key points have long tails. That of the options for a model without points.
 double AdaptedLossScale(const BundleAdjustmentOptions& options,
                         const colmap::Reconstruction& model);
 

@@ -18,12 +18,6 @@ namespace {
 // Points below which the depth scale of an image is not measured.
 constexpr size_t kMinNumDepthsPerImage = 10;
 
-// Standard deviation by the median absolute deviation.
-double SpreadAbout(double median, std::vector<double> values) {
-  for (double& value : values) value = std::abs(value - median);
-  return 1.4826 * Median(values);
-}
-
 }  // namespace
 
 std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
@@ -45,7 +39,7 @@ std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
     }
     if (log_ratios.size() >= kMinNumDepthsPerImage) {
       const double median = Median(log_ratios);
-      scales[image_id] = {std::exp(median), SpreadAbout(median, log_ratios)};
+      scales[image_id] = {std::exp(median), RobustStddev(log_ratios, median)};
     }
   }
   return scales;
@@ -87,7 +81,7 @@ MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
   metric.num_images = log_scales.size();
   if (log_scales.empty()) return metric;
   const double median = Median(log_scales);
-  metric.log_spread = SpreadAbout(median, log_scales);
+  metric.log_spread = RobustStddev(log_scales, median);
   metric.factor = std::exp(-median);
   model->Transform(colmap::SimilarityTransform3(
       metric.factor, Eigen::Vector4d(1, 0, 0, 0), Eigen::Vector3d::Zero()));

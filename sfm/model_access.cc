@@ -19,4 +19,14 @@ std::vector<colmap::point3D_t> SortedPoints(
   return point_ids;
 }
 
+double ReprojectionError(const colmap::Reconstruction& model,
+                         const colmap::TrackElement& element,
+                         const Eigen::Vector3d& point_in_cam) {
+  const colmap::Image& image = model.Image(element.image_id);
+  return (model.Camera(image.CameraId())
+              .WorldToImage(point_in_cam.hnormalized()) -
+          image.Point2D(element.point2D_idx).XY())
+      .norm();
+}
+
 }  // namespace dgsfm

@@ -1,5 +1,6 @@
-// What the stages share to go through a model in a fixed order: that of the
-// containers of colmap::Reconstruction differs from run to run.
+// What the stages share to read a model: its parts in a fixed order, since that
+// of the containers of colmap::Reconstruction differs from run to run, and the
+// errors of its features.
 
 #pragma once
 
@@ -15,5 +16,11 @@ std::vector<colmap::image_t> SortedRegisteredImages(
     const colmap::Reconstruction& model);
 std::vector<colmap::point3D_t> SortedPoints(
     const colmap::Reconstruction& model);
+
+// Distance of a feature from the projection of a point, given in the camera's
+// frame with z other than zero [px].
+double ReprojectionError(const colmap::Reconstruction& model,
+                         const colmap::TrackElement& element,
+                         const Eigen::Vector3d& point_in_cam);
 
 }  // namespace dgsfm

@@ -380,12 +380,10 @@ void UpdatePointErrors(colmap::Reconstruction* model) {
     colmap::Point3D& point = model->Point3D(point_id);
     double sum = 0;
     for (const colmap::TrackElement& element : point.Track().Elements()) {
-      const colmap::Image& image = model->Image(element.image_id);
-      const Eigen::Vector3d point_in_cam = CamFromWorld(image) * point.XYZ();
-      sum += (model->Camera(image.CameraId())
-                  .WorldToImage(point_in_cam.hnormalized()) -
-              image.Point2D(element.point2D_idx).XY())
-                 .norm();
+      sum += ReprojectionError(
+          *model,
+          element,
+          CamFromWorld(model->Image(element.image_id)) * point.XYZ());
     }
     point.SetError(sum / double(point.Track().Length()));
   }
