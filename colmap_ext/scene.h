@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "colmap_ext/focal_prior.h"
 #include "colmap_ext/image_exif.h"
 
 #include <colmap/util/alignment.h>
@@ -45,9 +46,11 @@ struct Scene {
   // Where images have more key points than are used, those that Points2D and
   // matches count from.
   KeptKeypoints kept_keypoints;
-  // Of the first image of each camera without a prior focal length, where the
-  // image files are at hand.
+  // EXIF data of the first image of each camera that is not calibrated, where
+  // the image files are at hand.
   std::map<colmap::camera_t, ImageExif> exif;
+  // Focal lengths in the database that are EXIF data, see SortPriors.
+  std::map<colmap::camera_t, FocalPrior> focal_priors;
 };
 
 // Image ids are smaller, so that a pair id fits into 64 bits.

@@ -22,9 +22,8 @@ PairGeometries VerifyDensePairs(const DepthGeometricVerifierOptions& options,
   std::mutex reader_mutex;
   FeatureCache features(options.database_path, scene, options.use_depth);
   const auto pair_image = [&](const ImageFeatures& image) {
-    return PairImage{image.image,
-                     scene.cameras.at(image.image.CameraId()),
-                     image.depths ? &*image.depths : nullptr};
+    return CreatePairImage(
+        scene, image.image, image.depths ? &*image.depths : nullptr);
   };
   PairGeometries pairs;
   std::vector<std::pair<colmap::image_pair_t, PairGeometry*>> work;

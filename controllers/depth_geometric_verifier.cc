@@ -8,6 +8,7 @@
 #include "controllers/progress.h"
 #include "estimators/option_check.h"
 #include "sfm/pair_fingerprint.h"
+#include "sfm/prior_trust.h"
 #include "sfm/view_graph.h"
 
 #include <algorithm>
@@ -220,6 +221,11 @@ class DatabaseVerifier {
 }  // namespace
 
 bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
+  if (!PriorTrustFromName(intrinsics_prior)) {
+    *error = "intrinsics_prior must be auto, exif or calibrated, but is '" +
+             intrinsics_prior + "'";
+    return false;
+  }
   return verification.IsValid(error) &&
          CheckOption(checkpoint_interval_s >= 0,
                      "checkpoint_interval_s must be >= 0",
@@ -246,6 +252,13 @@ void BindVerificationOptions(DepthGeometricVerifierOptions* options,
       "database_path", &options->database_path, "COLMAP database");
   command_options->Add(
       "use_depth", &options->use_depth, "use the imported depth");
+  command_options->Add(
+      "intrinsics_prior",
+      &options->intrinsics_prior,
+      "what prior focal lengths are: calibrated (held within 1 %, with "
+      "principal point and distortion), exif (within 5 %, the rest is "
+      "unknown), or auto: exif where principal point and distortion are those "
+      "that COLMAP gives photos with EXIF data");
   BindVerification(&options->verification, command_options);
 }
 
@@ -277,7 +290,18 @@ Scene LoadScene(const DepthGeometricVerifierOptions& options,
       max_num_keypoints > 0
           ? ReadSceneWithFewKeypoints(options.database_path, max_num_keypoints)
           : ReadScene(options.database_path);
+  SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
+  const size_t num_exif = scene.focal_priors.size();
+  size_t num_calibrated = 0;
+  for (const auto& [camera_id, camera] : scene.cameras) {
+    num_calibrated += camera.HasPriorFocalLength();
+  }
+  LOG(INFO) << num_calibrated << " of " << scene.cameras.size()
+            << " cameras are calibrated, " << num_exif
+            << " have focal lengths from EXIF data (--intrinsics_prior)";
   timer.Add("cameras", double(scene.cameras.size()))
+      .Add("cameras_calibrated", double(num_calibrated))
+      .Add("cameras_with_exif", double(num_exif))
       .Add("images", double(scene.images.size()))
       .Add("pairs", double(scene.matches.size()));
   if (!scene.kept_keypoints.empty()) {
@@ -306,7 +330,8 @@ VerificationSummary VerifyDatabasePairs(
   DepthDatabase database(options.database_path,
                          DepthDatabase::Mode::READ_WRITE);
   std::vector<StageReport> stages;
-  const Scene scene = ReadSceneWithoutMatches(options.database_path);
+  Scene scene = ReadSceneWithoutMatches(options.database_path);
+  SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const KeypointDepthMap depths = LoadDepths(options, {}, &stages);
   StageTimer timer("pair_verification");
   const VerificationSummary summary =

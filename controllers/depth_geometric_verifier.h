@@ -17,6 +17,9 @@ struct DepthGeometricVerifierOptions {
   PairVerificationOptions verification;
   // Ignore the depth priors: pairs are estimated as without depth.
   bool use_depth = true;
+  // What prior focal lengths of the database are: auto, exif or calibrated, see
+  // PriorTrust.
+  std::string intrinsics_prior = "auto";
   // Finished pairs are stored about this often [s]: what a run that is broken
   // off loses.
   double checkpoint_interval_s = 5;

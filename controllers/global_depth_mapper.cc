@@ -89,7 +89,7 @@ GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
 }
 
 bool GlobalDepthMapper::Run() {
-  CheckOptions(options_.verifier.verification);
+  CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
   std::vector<StageReport> stages;
   Scene scene = LoadScene(

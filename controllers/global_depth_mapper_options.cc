@@ -224,6 +224,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->mapper.share_intrinsics,
                        "one camera in the model for images whose cameras turn "
                        "out to be the same");
+  command_options->Add("split_cameras",
+                       &options->mapper.split_cameras,
+                       "cameras of their own for images of one camera entry "
+                       "whose focal lengths turn out to differ");
   command_options->Add("max_num_keypoints_per_image",
                        &options->max_num_keypoints_per_image,
                        "matched key points of an image that are used, with "

@@ -78,8 +78,7 @@ Values ValuesOf(const CameraEstimates& estimates,
 // have in common does not tell cameras apart.
 std::vector<FocalCluster> SingleClusters(const CameraGroupingOptions& options,
                                          const CameraEstimates& estimates,
-                                         const std::vector<int>& cameras,
-                                         double variance_factor) {
+                                         const std::vector<int>& cameras) {
   const Values focals = ValuesOf(estimates, cameras, 0);
   Eigen::VectorXd weights = focals.covariance.diagonal().cwiseInverse();
   weights /= weights.sum();
@@ -89,11 +88,10 @@ std::vector<FocalCluster> SingleClusters(const CameraGroupingOptions& options,
   for (Eigen::Index i = 0; i < focals.values.size(); ++i) {
     const double variance =
         std::max(focals.covariance(i, i) - 2 * cross(i) + mean_variance, 0.0);
-    clusters.push_back(
-        {{cameras[i]},
-         focals.values(i),
-         variance_factor * variance +
-             options.min_log_focal_stddev * options.min_log_focal_stddev});
+    clusters.push_back({{cameras[i]},
+                        focals.values(i),
+                        variance + options.min_log_focal_stddev *
+                                       options.min_log_focal_stddev});
   }
   return clusters;
 }
@@ -135,10 +133,8 @@ double ChiSquareQuantile(int degrees_of_freedom, double tail) {
 }
 
 // Cochran's Q: chi-square of the values about their best common mean.
-double SpreadStatistic(const Values& values,
-                       double variance_factor,
-                       double variance) {
-  Eigen::MatrixXd covariance = variance_factor * values.covariance;
+double SpreadStatistic(const Values& values, double variance) {
+  Eigen::MatrixXd covariance = values.covariance;
   covariance.diagonal().array() += variance;
   const Eigen::LDLT<Eigen::MatrixXd> factors(covariance);
   const auto ones = Eigen::VectorXd::Ones(values.values.size());
@@ -170,27 +166,12 @@ double SquaredDistanceFromOthers(const Values& values, size_t index) {
   return information > 0 ? projection * projection / information : 0;
 }
 
-// What the parameters beside the focal length, which one camera does not
-// change, show of the variance of the errors.
-double VarianceFactor(const CameraGroupingOptions& options,
-                      const CameraEstimates& estimates,
-                      const std::vector<int>& cameras) {
-  std::vector<double> factors;
-  for (int i = 1; i < estimates.num_params_per_camera; ++i) {
-    factors.push_back(SpreadStatistic(ValuesOf(estimates, cameras, i), 1, 0) /
-                      double(cameras.size() - 1));
-  }
-  if (factors.empty()) return options.max_variance_factor;
-  return std::clamp(Median(factors), 1.0, options.max_variance_factor);
-}
-
 // The spread of one parameter that errors do not explain (Paule and Mandel
 // 1982); zero if they do.
 double ExcessStddev(const CameraGroupingOptions& options,
-                    const Values& values,
-                    double variance_factor) {
+                    const Values& values) {
   const int degrees_of_freedom = int(values.values.size()) - 1;
-  if (SpreadStatistic(values, variance_factor, 0) <=
+  if (SpreadStatistic(values, 0) <=
       ChiSquareQuantile(degrees_of_freedom, options.spread_significance)) {
     return 0;
   }
@@ -199,29 +180,26 @@ double ExcessStddev(const CameraGroupingOptions& options,
   for (int i = 0; i < kNumBisections; ++i) {
     const double middle = (lower + upper) / 2;
     const bool is_too_small =
-        SpreadStatistic(values, variance_factor, middle) > degrees_of_freedom;
+        SpreadStatistic(values, middle) > degrees_of_freedom;
     (is_too_small ? lower : upper) = middle;
   }
   return std::sqrt(upper);
 }
 
 // Takes out cameras whose parameters beside the focal length differ from those
-// of the others, and returns the variance factor of these.
-double RemoveDifferent(const CameraGroupingOptions& options,
-                       const CameraEstimates& estimates,
-                       std::vector<int>* cameras) {
-  double variance_factor = options.max_variance_factor;
+// of the others.
+void RemoveDifferent(const CameraGroupingOptions& options,
+                     const CameraEstimates& estimates,
+                     std::vector<int>* cameras) {
+  const double max_distance = ChiSquareQuantile(
+      1, options.significance / double(estimates.params.size()));
   while (cameras->size() > 1) {
-    variance_factor = VarianceFactor(options, estimates, *cameras);
-    const double max_distance = ChiSquareQuantile(
-        1, options.significance / double(estimates.params.size()));
     double worst_distance = 0;
     size_t worst = 0;
     for (int param = 1; param < estimates.num_params_per_camera; ++param) {
       const Values values = ValuesOf(estimates, *cameras, param);
       for (size_t i = 0; i < cameras->size(); ++i) {
-        const double distance =
-            SquaredDistanceFromOthers(values, i) / variance_factor;
+        const double distance = SquaredDistanceFromOthers(values, i);
         if (distance > worst_distance) {
           worst_distance = distance;
           worst = i;
@@ -231,7 +209,6 @@ double RemoveDifferent(const CameraGroupingOptions& options,
     if (worst_distance <= max_distance) break;
     cameras->erase(cameras->begin() + int(worst));
   }
-  return variance_factor;
 }
 
 // That all have one focal length.
@@ -246,19 +223,17 @@ double LogOddsOf(const CameraGroupingOptions& options,
   return sum;
 }
 
-// Splits a loose cluster by focal length, now that the variance of errors is
-// known, and adds the groups that are likely enough.
+// Takes cameras that differ out of a cluster, splits the rest by focal length
+// once more, and adds the groups that are likely enough.
 void AddGroups(const CameraGroupingOptions& options,
                const CameraEstimates& estimates,
                std::vector<int> cameras,
                std::vector<SameCameras>* groups) {
-  const double variance_factor = RemoveDifferent(options, estimates, &cameras);
-  for (const FocalCluster& cluster : ClusterFocals(
-           options,
-           SingleClusters(options, estimates, cameras, variance_factor))) {
-    const double log_odds = LogOddsOf(
-        options,
-        SingleClusters(options, estimates, cluster.cameras, variance_factor));
+  RemoveDifferent(options, estimates, &cameras);
+  for (const FocalCluster& cluster :
+       ClusterFocals(options, SingleClusters(options, estimates, cameras))) {
+    const double log_odds =
+        LogOddsOf(options, SingleClusters(options, estimates, cluster.cameras));
     if (cluster.cameras.size() < size_t(options.min_num_cameras) ||
         log_odds < std::log(options.min_odds)) {
       continue;
@@ -267,11 +242,10 @@ void AddGroups(const CameraGroupingOptions& options,
     group.cameras = cluster.cameras;
     std::sort(group.cameras.begin(), group.cameras.end());
     group.log_odds = log_odds;
-    group.variance_factor = variance_factor;
     group.stddevs.resize(estimates.num_params_per_camera);
     for (int i = 0; i < estimates.num_params_per_camera; ++i) {
-      group.stddevs(i) = ExcessStddev(
-          options, ValuesOf(estimates, group.cameras, i), variance_factor);
+      group.stddevs(i) =
+          ExcessStddev(options, ValuesOf(estimates, group.cameras, i));
     }
     groups->push_back(group);
   }
@@ -280,11 +254,7 @@ void AddGroups(const CameraGroupingOptions& options,
 }  // namespace
 
 bool CameraGroupingOptions::IsValid(std::string* error) const {
-  return CheckOption(max_variance_factor >= 1,
-                     "max_variance_factor must be >= 1",
-                     max_variance_factor,
-                     error) &&
-         CheckOption(log_focal_stddev > 0,
+  return CheckOption(log_focal_stddev > 0,
                      "log_focal_stddev must be > 0",
                      log_focal_stddev,
                      error) &&
@@ -321,10 +291,8 @@ std::vector<std::vector<int>> ClusterByFocal(
                            estimates.num_params_per_camera);
   std::iota(cameras.begin(), cameras.end(), 0);
   std::vector<std::vector<int>> clusters;
-  for (FocalCluster& cluster : ClusterFocals(
-           options,
-           SingleClusters(
-               options, estimates, cameras, options.max_variance_factor))) {
+  for (FocalCluster& cluster :
+       ClusterFocals(options, SingleClusters(options, estimates, cameras))) {
     if (cluster.cameras.size() < 2) continue;
     std::sort(cluster.cameras.begin(), cluster.cameras.end());
     clusters.push_back(std::move(cluster.cameras));
@@ -344,15 +312,7 @@ std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
   return groups;
 }
 
-bool AreTiesPlausible(const CameraGroupingOptions& options,
-                      double increase,
-                      int num_ties) {
-  DGSFM_CHECK(num_ties > 0) << "num_ties = " << num_ties;
-  return increase <= ChiSquareQuantile(num_ties, options.significance);
-}
-
 double LogOddsOfDeviation(const CameraDeviation& deviation,
-                          double variance_factor,
                           double prior_stddev) {
   const auto size = deviation.values.size();
   DGSFM_CHECK(deviation.covariance.rows() == size &&
@@ -362,37 +322,27 @@ double LogOddsOfDeviation(const CameraDeviation& deviation,
     return -0.5 * (factors.vectorD().array().log().sum() +
                    deviation.values.dot(factors.solve(deviation.values)));
   };
-  const Eigen::MatrixXd errors = variance_factor * deviation.covariance;
-  return log_likelihood(errors + prior_stddev * prior_stddev *
-                                     Eigen::MatrixXd::Identity(size, size)) -
-         log_likelihood(errors);
+  return log_likelihood(deviation.covariance +
+                        prior_stddev * prior_stddev *
+                            Eigen::MatrixXd::Identity(size, size)) -
+         log_likelihood(deviation.covariance);
 }
 
 std::vector<char> DeviatingCameras(
     const CameraGroupingOptions& options,
     const std::vector<CameraDeviation>& deviations) {
   std::vector<char> deviating(deviations.size(), 0);
-  double sum = 0;
-  int degrees_of_freedom = 0;
   for (size_t i = 0; i < deviations.size(); ++i) {
     const Eigen::VectorXd& values = deviations[i].values;
     DGSFM_CHECK(values.size() > 0 &&
                 deviations[i].covariance.rows() == values.size() &&
                 deviations[i].covariance.cols() == values.size());
     const double chi_square =
-        values.dot(deviations[i].covariance.ldlt().solve(values)) /
-        options.max_variance_factor;
+        values.dot(deviations[i].covariance.ldlt().solve(values));
     deviating[i] =
         chi_square >
         ChiSquareQuantile(int(values.size()),
                           options.significance / double(deviations.size()));
-    if (deviating[i]) continue;
-    sum += chi_square;
-    degrees_of_freedom += int(values.size());
-  }
-  if (degrees_of_freedom > 0 &&
-      sum > ChiSquareQuantile(degrees_of_freedom, options.significance)) {
-    std::fill(deviating.begin(), deviating.end(), 1);
   }
   return deviating;
 }

@@ -10,10 +10,6 @@
 namespace dgsfm {
 
 struct CameraGroupingOptions {
-  // Variance of the estimates over what independent image errors explain [1],
-  // at most: errors of one image have causes in common. Ties of real photos of
-  // one camera cost 1.4 to 16 times what such errors explain.
-  double max_variance_factor = 10;
   // Spread of log focal lengths of cameras that have nothing to do with each
   // other [1].
   double log_focal_stddev = 0.5;
@@ -28,6 +24,12 @@ struct CameraGroupingOptions {
   int min_num_cameras = 4;
   // Probability that a camera is taken from its group by mistake [1].
   double significance = 1e-3;
+  // Images whose focal lengths are farther from the mean of those that share
+  // one have one of their own [standard deviations]; so have all of them if the
+  // root of their mean squared deviation is larger than the second value. It is
+  // 0.2 to 1.4 on photos of one camera.
+  double max_focal_deviation = 6;
+  double max_rms_focal_deviation = 2;
   // Probability that the spread of a parameter that does not differ is taken
   // for one [1].
   double spread_significance = 1e-2;
@@ -51,8 +53,6 @@ struct SameCameras {
   Eigen::VectorXd stddevs;
   // That the focal length is the same, apart from that spread.
   double log_odds = 0;
-  // Variance of the estimates over what independent image errors explain.
-  double variance_factor = 1;
 };
 
 // Disjoint groups of cameras that are the same or close to it.
@@ -62,11 +62,10 @@ struct SameCameras {
 // independent ones,
 //   N(d; 0, v_1 + v_2) / N(d; 0, v_1 + v_2 + 2 log_focal_stddev^2),
 // times prior_odds, d the difference of the means of two clusters and v their
-// variances, which do not shrink with their size. First with
-// max_variance_factor; then with the factor that the spread of the other
-// parameters of a cluster shows (median of Cochran's Q over its degrees of
-// freedom), once cameras that differ in them have left (chi-square of a camera
-// against the others under the joint covariance, the worst first). A group
+// variances, which do not shrink with their size. Cameras that differ in other
+// parameters leave their cluster (chi-square of a camera against the others
+// under the joint covariance, the worst first), and the rest is clustered once
+// more. A group
 // whose members' odds multiply to less than min_odds, or that has fewer than
 // min_num_cameras, is given up. Parameters
 // that spread more than errors explain get the excess (Paule and Mandel).
@@ -75,9 +74,8 @@ struct SameCameras {
 std::vector<SameCameras> GroupCameras(const CameraGroupingOptions& options,
                                       const CameraEstimates& estimates);
 
-// Which cameras may be the same by their focal lengths alone, judged with the
-// largest variance factor: clusters of two or more as in the first step of
-// GroupCameras.
+// Which cameras may be the same by their focal lengths alone: clusters of two
+// or more as in the first step of GroupCameras.
 std::vector<std::vector<int>> ClusterByFocal(
     const CameraGroupingOptions& options, const CameraEstimates& estimates);
 
@@ -87,24 +85,16 @@ struct CameraDeviation {
   Eigen::MatrixXd covariance;
 };
 
-// Which cameras deviate from what is given by more than errors with the largest
-// variance factor explain (chi-square, at options.significance for all cameras
-// together); all, if those that do not by themselves do so together.
+// Which cameras deviate from what is given by more than errors explain
+// (chi-square, at options.significance for all cameras together).
 std::vector<char> DeviatingCameras(
     const CameraGroupingOptions& options,
     const std::vector<CameraDeviation>& deviations);
 
-// Whether errors explain what ties, which take so many unknowns away, add to
-// the sum of squared errors, in units of their variance (likelihood ratio).
-bool AreTiesPlausible(const CameraGroupingOptions& options,
-                      double increase,
-                      int num_ties);
-
 // Logarithm of the odds, even ones before, that a deviation has a normal
 // distribution of variance prior_stddev^2 in each value, and is not just an
-// error, the covariance of which is variance_factor times the estimated one.
+// error.
 double LogOddsOfDeviation(const CameraDeviation& deviation,
-                          double variance_factor,
                           double prior_stddev);
 
 }  // namespace dgsfm

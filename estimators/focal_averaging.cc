@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 
 namespace dgsfm {
 namespace {
@@ -111,6 +112,10 @@ bool ViewGraphCalibrationOptions::IsValid(std::string* error) const {
                      "max_num_iterations must be >= 1",
                      max_num_iterations,
                      error) &&
+         CheckOption(start_log_stddev > 0,
+                     "start_log_stddev must be > 0",
+                     start_log_stddev,
+                     error) &&
          CheckOption(min_focal_ratio > 0 && min_focal_ratio < 1,
                      "min_focal_ratio must be in (0, 1)",
                      min_focal_ratio,
@@ -155,6 +160,13 @@ std::vector<char> CalibrateViewGraph(const std::vector<PairFundamental>& pairs,
     if (!problem.HasParameterBlock(log_ratio)) continue;
     problem.SetParameterLowerBound(log_ratio, 0, min_log_ratio);
     problem.SetParameterUpperBound(log_ratio, 0, max_log_ratio);
+    problem.AddResidualBlock(
+        new ceres::NormalPrior(
+            Eigen::MatrixXd::Constant(
+                1, 1, options.loss_scale / options.start_log_stddev),
+            Eigen::VectorXd::Zero(1)),
+        nullptr,
+        log_ratio);
     if (known[i]) problem.SetParameterBlockConstant(log_ratio);
     estimated[i] = !known[i];
   }

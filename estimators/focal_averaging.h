@@ -45,6 +45,11 @@ struct ViewGraphCalibrationOptions {
   // Cauchy scale of the normalised Kruppa residuals [1] (Fetzer 2020).
   double loss_scale = 0.01;
   int max_num_iterations = 100;
+  // Standard deviation of the prior of log focal lengths about their start [1],
+  // weighed against residuals of standard deviation loss_scale: it decides
+  // where the pairs leave focal lengths open, as those of a camera that moves
+  // forward.
+  double start_log_stddev = 0.5;
   // Estimates outside this ratio to their start are rejected.
   double min_focal_ratio = 0.1;
   double max_focal_ratio = 10.0;

@@ -17,6 +17,23 @@ constexpr double kMinReciprocalCondition = 1e-12;
 // must not hide what is known about all else.
 constexpr double kDamping = 1e-11;
 
+// Covariance of a point with all cameras known; nothing if the observations do
+// not determine its position.
+std::optional<Eigen::Matrix3d> PointCovariance(
+    const std::vector<LinearizedObservation>& observations) {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  for (const LinearizedObservation& observation : observations) {
+    information +=
+        observation.point_jacobian.transpose() * observation.point_jacobian;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(information);
+  if (!(eigen.eigenvalues()(0) >
+        kMinReciprocalCondition * eigen.eigenvalues()(2))) {
+    return std::nullopt;
+  }
+  return information.inverse();
+}
+
 }  // namespace
 
 ReducedCameraSystem::ReducedCameraSystem(int num_params)
@@ -25,7 +42,6 @@ ReducedCameraSystem::ReducedCameraSystem(int num_params)
 
 void ReducedCameraSystem::AddPoint(
     const std::vector<LinearizedObservation>& observations) {
-  Eigen::Matrix3d point_information = Eigen::Matrix3d::Zero();
   Eigen::Vector3d point_gradient = Eigen::Vector3d::Zero();
   for (const LinearizedObservation& observation : observations) {
     DGSFM_CHECK(observation.camera_jacobian.cols() ==
@@ -34,21 +50,16 @@ void ReducedCameraSystem::AddPoint(
       DGSFM_CHECK(param >= 0 && param < information_.rows())
           << "parameter " << param << " of " << information_.rows();
     }
-    point_information +=
-        observation.point_jacobian.transpose() * observation.point_jacobian;
     point_gradient +=
         observation.point_jacobian.transpose() * observation.residual;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(point_information);
-  if (!(eigen.eigenvalues()(0) >
-        kMinReciprocalCondition * eigen.eigenvalues()(2))) {
-    return;
-  }
-  const Eigen::Matrix3d point_covariance = point_information.inverse();
+  const std::optional<Eigen::Matrix3d> point_covariance =
+      PointCovariance(observations);
+  if (!point_covariance) return;
   for (size_t k = 0; k < observations.size(); ++k) {
     const LinearizedObservation& observation = observations[k];
     const Eigen::Matrix<double, 2, 3> projected =
-        observation.point_jacobian * point_covariance;
+        observation.point_jacobian * *point_covariance;
     const Eigen::Vector2d residual =
         observation.residual - projected * point_gradient;
     for (size_t i = 0; i < observation.params.size(); ++i) {
@@ -120,10 +131,14 @@ std::optional<ReducedCameraSystem::Marginal> ReducedCameraSystem::MarginalOf(
   for (Eigen::Index i = 0; i < count; ++i) columns(params[i], i) = 1;
   columns.col(count) = -scales.cwiseProduct(gradient_);
   columns = factors.solve(columns).eval();
-  Marginal marginal = {Eigen::VectorXd(count), Eigen::MatrixXd(count, count)};
+  Marginal marginal = {Eigen::VectorXd(count),
+                       Eigen::MatrixXd(count, count),
+                       Eigen::MatrixXd(count, information_.rows())};
   for (Eigen::Index i = 0; i < count; ++i) {
     const double scale = scales(params[i]);
     marginal.step(i) = scale * columns(params[i], count);
+    marginal.inverse_rows.row(i) =
+        scale * scales.cwiseProduct(columns.col(i)).transpose();
     for (Eigen::Index j = 0; j < count; ++j) {
       marginal.covariance(i, j) =
           scale * scales(params[j]) * columns(params[i], j);
@@ -132,6 +147,33 @@ std::optional<ReducedCameraSystem::Marginal> ReducedCameraSystem::MarginalOf(
   marginal.covariance =
       (marginal.covariance + marginal.covariance.transpose()).eval() / 2;
   return marginal;
+}
+
+std::vector<Eigen::MatrixX2d> ReducedCameraSystem::InfluencesOf(
+    const Marginal& marginal,
+    const std::vector<LinearizedObservation>& observations) {
+  const std::optional<Eigen::Matrix3d> point_covariance =
+      PointCovariance(observations);
+  if (!point_covariance) return {};
+  const Eigen::Index count = marginal.inverse_rows.rows();
+  std::vector<Eigen::MatrixX2d> influences;
+  Eigen::MatrixX3d by_point = Eigen::MatrixX3d::Zero(count, 3);
+  for (const LinearizedObservation& observation : observations) {
+    Eigen::MatrixX2d& influence =
+        influences.emplace_back(Eigen::MatrixX2d::Zero(count, 2));
+    for (size_t i = 0; i < observation.params.size(); ++i) {
+      influence.noalias() +=
+          marginal.inverse_rows.col(observation.params[i]) *
+          observation.camera_jacobian.col(Eigen::Index(i)).transpose();
+    }
+    by_point.noalias() += influence * observation.point_jacobian;
+  }
+  by_point *= *point_covariance;
+  for (size_t k = 0; k < observations.size(); ++k) {
+    influences[k].noalias() -=
+        by_point * observations[k].point_jacobian.transpose();
+  }
+  return influences;
 }
 
 }  // namespace dgsfm

@@ -49,13 +49,22 @@ class ReducedCameraSystem {
   const Eigen::MatrixXd& Information() const { return information_; }
 
   // Of some parameters with all others unknown too: Gauss-Newton step to the
-  // minimum, -S^-1 g, and covariance, S^-1. Nothing if S is numerically
-  // singular.
+  // minimum, -S^-1 g, covariance, S^-1, and the rows of S^-1, params.size() x
+  // num_params. Nothing if S is numerically singular.
   struct Marginal {
     Eigen::VectorXd step;
     Eigen::MatrixXd covariance;
+    Eigen::MatrixXd inverse_rows;
   };
   std::optional<Marginal> MarginalOf(const std::vector<int>& params) const;
+
+  // Derivatives of the minimum's parameters by the residuals of the
+  // observations of one point, params.size() x 2 each, up to their sign: a
+  // residual that grows by d moves the parameters by -influence * d. Empty for
+  // points that AddPoint leaves out.
+  static std::vector<Eigen::MatrixX2d> InfluencesOf(
+      const Marginal& marginal,
+      const std::vector<LinearizedObservation>& observations);
 
  private:
   void AddBlock(const LinearizedObservation& observation1,

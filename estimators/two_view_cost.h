@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "colmap_ext/focal_prior.h"
 #include "estimators/two_view_data.h"
 #include "estimators/two_view_depth_field.h"
 #include "estimators/two_view_model.h"
@@ -29,12 +30,6 @@ enum class DepthTerm {
   // Forward and backward transfer error, two residuals of size 2, divided by
   // max_reprojection_error_px [RePoseD].
   REPROJECTION,
-};
-
-// Gaussian prior on a log focal length; stddev 0 = none.
-struct FocalPrior {
-  double focal_px = 1;
-  double log_stddev = 0;
 };
 
 // Sum over matches, of

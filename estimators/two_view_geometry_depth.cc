@@ -47,12 +47,13 @@ void CheckInput(const TwoViewDepthInput& input,
                 matches.points2[i].allFinite())
         << "match " << i;
   }
-  for (const double value :
-       {input.prior_focal_length1_px, input.prior_focal_length2_px}) {
-    DGSFM_CHECK(value >= 0 && std::isfinite(value)) << "value = " << value;
+  for (const FocalPrior& prior : {input.focal_prior1, input.focal_prior2}) {
+    DGSFM_CHECK(prior.log_stddev >= 0 && std::isfinite(prior.log_stddev))
+        << "log_stddev = " << prior.log_stddev;
+    DGSFM_CHECK(!prior.Exists() ||
+                (prior.focal_px > 0 && std::isfinite(prior.focal_px)))
+        << "focal_px = " << prior.focal_px;
   }
-  DGSFM_CHECK(input.prior_log_focal_stddev > 0)
-      << "value = " << input.prior_log_focal_stddev;
   for (const double value : {input.focal_length1_px,
                              input.focal_length2_px,
                              input.image_size1_px,

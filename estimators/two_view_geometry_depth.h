@@ -8,6 +8,7 @@
 
 #pragma once
 
+#include "colmap_ext/focal_prior.h"
 #include "colmap_ext/rigid3.h"
 
 #include <colmap/util/alignment.h>
@@ -77,12 +78,10 @@ struct TwoViewDepthInput {
   // or 1.2 x the larger side) [px]. All positive.
   double focal_length1_px = 0;
   double focal_length2_px = 0;
-  // Focal lengths by the depth model, 0 = none: a soft prior (log-normal, of
-  // this standard deviation [1]) on unknown ones, instead of the weak one
-  // around the guess.
-  double prior_focal_length1_px = 0;
-  double prior_focal_length2_px = 0;
-  double prior_log_focal_stddev = 0.25;
+  // Soft priors of unknown focal lengths, by EXIF data or the depth model.
+  // They replace the weak prior around the guess.
+  FocalPrior focal_prior1;
+  FocalPrior focal_prior2;
   // Larger image sides, for the plausible range of focal lengths [px].
   double image_size1_px = 0;
   double image_size2_px = 0;

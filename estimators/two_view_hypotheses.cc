@@ -251,24 +251,24 @@ FocalRange FocalRange::Create(const TwoViewDepthInput& input,
   FocalRange range;
   range.focal_case = input.focal_case;
   const auto set = [&](double focal_length_px,
-                       double prior_focal_length_px,
+                       const FocalPrior& given_prior,
                        double image_size_px,
                        bool known,
                        double* guess,
                        double* min,
                        double* max,
                        FocalPrior* prior) {
-    const bool has_prior = !known && prior_focal_length_px > 0;
-    *guess = has_prior ? prior_focal_length_px : focal_length_px;
+    const bool has_prior = !known && given_prior.Exists();
+    *guess = has_prior ? given_prior.focal_px : focal_length_px;
     *min = options.min_focal_length_ratio * image_size_px;
     *max = options.max_focal_length_ratio * image_size_px;
     if (known) return;
     prior->focal_px = *guess;
     prior->log_stddev =
-        has_prior ? input.prior_log_focal_stddev : kLogFocalGuessStddev;
+        has_prior ? given_prior.log_stddev : kLogFocalGuessStddev;
   };
   set(input.focal_length1_px,
-      input.prior_focal_length1_px,
+      input.focal_prior1,
       input.image_size1_px,
       range.Knows1(),
       &range.guess1,
@@ -276,7 +276,7 @@ FocalRange FocalRange::Create(const TwoViewDepthInput& input,
       &range.max1,
       &range.prior1);
   set(input.focal_length2_px,
-      input.prior_focal_length2_px,
+      input.focal_prior2,
       input.image_size2_px,
       range.Knows2(),
       &range.guess2,

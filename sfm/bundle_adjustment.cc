@@ -170,30 +170,29 @@ class ModelBundle {
 
   void RefineCamera(size_t num_observations, size_t index) {
     if (num_observations < kMinNumObservationsPerCamera) return;
-    const colmap::Camera& prior = beliefs_.given.at(camera_ids_[index]);
-    Eigen::VectorXd stddevs =
-        PriorStddevs(options_.intrinsics, beliefs_, camera_ids_[index]);
+    const colmap::camera_t camera_id = camera_ids_[index];
+    const Eigen::VectorXd stddevs =
+        PriorStddevs(options_.intrinsics, beliefs_, camera_id);
     BundleCamera& camera = bundle_.cameras[index];
     for (int i = 0; i < stddevs.size(); ++i) {
       if (stddevs(i) > 0) camera.refined_params.push_back(i);
     }
     if (camera.refined_params.empty()) return;
-    const IntrinsicsPriorOptions& intrinsics = options_.intrinsics;
-    Eigen::VectorXd centers = Eigen::VectorXd::Zero(stddevs.size());
-    for (const size_t idx : prior.PrincipalPointIdxs()) {
-      std::swap(centers(Eigen::Index(idx)), stddevs(Eigen::Index(idx)));
+    const double unit_px = options_.intrinsics.keypoint_stddev_px;
+    for (const RobustPrior& prior :
+         SplitPriors(options_.intrinsics, beliefs_, camera_id)) {
+      Eigen::VectorXd weighted = Eigen::VectorXd::Zero(stddevs.size());
+      for (const Eigen::Index i : prior.idxs) {
+        weighted(i) = stddevs(i) / unit_px;
+      }
+      AddIntrinsicsPrior(PriorMean(beliefs_, camera_id),
+                         weighted,
+                         std::isfinite(prior.loss_scale)
+                             ? new ceres::CauchyLoss(prior.loss_scale * unit_px)
+                             : nullptr,
+                         camera.params.data(),
+                         &camera_terms_);
     }
-    AddIntrinsicsPrior(prior.Params(),
-                       stddevs / intrinsics.keypoint_stddev_px,
-                       nullptr,
-                       camera.params.data(),
-                       &camera_terms_);
-    AddIntrinsicsPrior(prior.Params(),
-                       centers / intrinsics.keypoint_stddev_px,
-                       new ceres::CauchyLoss(intrinsics.crop_factor *
-                                             intrinsics.keypoint_stddev_px),
-                       camera.params.data(),
-                       &camera_terms_);
   }
 
   // The mean of a group that is not rigid is a parameter block of its own.

@@ -3,6 +3,7 @@
 #include "estimators/focal_population.h"
 #include "estimators/two_view_model.h"
 #include "sfm/camera_groups.h"
+#include "sfm/prior_trust.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,18 +20,31 @@ void SetFocalLength(double focal_length_px, colmap::Camera* camera) {
 
 using FocalEstimates = std::map<colmap::camera_t, std::vector<FocalEstimate>>;
 
+// Where nearly all pairs of a camera leave its focal length open, what the
+// others estimate are chance results.
 FocalEstimates EstimatesOfPairs(const PairGeometries& pairs,
                                 const Scene& scene) {
+  constexpr double kMinShareOfPairs = 0.1;
   FocalEstimates estimates;
-  const auto add = [&](colmap::image_t image_id, double focal_length_px) {
-    estimates[scene.images.at(image_id).CameraId()].push_back(
-        {focal_length_px, 1.0});
-  };
+  std::map<colmap::camera_t, size_t> num_pairs;
+  const auto add =
+      [&](colmap::image_t image_id, bool is_estimated, double focal_length_px) {
+        const colmap::camera_t camera_id = scene.images.at(image_id).CameraId();
+        ++num_pairs[camera_id];
+        if (is_estimated)
+          estimates[camera_id].push_back({focal_length_px, 1.0});
+      };
   for (const auto& [pair_id, pair] : pairs) {
     if (pair.status != PairStatus::VALID) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (pair.estimated_focal1) add(image_id1, pair.focal_length1_px);
-    if (pair.estimated_focal2) add(image_id2, pair.focal_length2_px);
+    add(image_id1, pair.estimated_focal1, pair.focal_length1_px);
+    add(image_id2, pair.estimated_focal2, pair.focal_length2_px);
+  }
+  for (auto& [camera_id, values] : estimates) {
+    if (double(values.size()) <
+        kMinShareOfPairs * double(num_pairs[camera_id])) {
+      values.clear();
+    }
   }
   return estimates;
 }
@@ -61,11 +75,12 @@ bool SetAverage(const std::vector<FocalEstimate>& estimates,
 // Cameras that may be the same learn from each other.
 void ShrinkToPopulations(Scene* scene,
                          std::map<colmap::camera_t, CameraFocal>* focals) {
-  std::map<CameraKind, std::vector<colmap::camera_t>> populations;
+  const std::map<colmap::camera_t, int> kinds =
+      CameraKinds(GivenBeliefs(*scene));
+  std::map<int, std::vector<colmap::camera_t>> populations;
   for (const auto& [camera_id, focal] : *focals) {
     if (focal.source == FocalSource::PRIOR) continue;
-    populations[KindOf(scene->cameras, scene->exif, camera_id)].push_back(
-        camera_id);
+    populations[kinds.at(camera_id)].push_back(camera_id);
   }
   for (const auto& [population, camera_ids] : populations) {
     std::vector<CameraFocalEstimate> estimates;
@@ -90,22 +105,16 @@ void ShrinkToPopulations(Scene* scene,
   }
 }
 
-// Standard deviation of log focal lengths of EXIF: whole millimetres, and crops
-// by the camera's own processing [1].
-constexpr double kExifLogStddev = 0.05;
 // Differences beyond this many standard deviations tell of a crop.
-constexpr double kMaxExifDeviation = 3;
+constexpr double kMaxExifDeviation = 2;
 // Of the median of few estimates, whatever their spread.
 constexpr double kMinPairsLogStddev = 0.02;
 
 // A camera whose image is a crop has EXIF data that are wrong.
-void AddExif(const ImageExif& exif,
+void AddExif(const FocalPrior& exif,
              CameraFocal* focal,
              colmap::Camera* camera) {
-  if (exif.focal_length_ratio == 0) return;
-  const double exif_log_focal =
-      std::log(exif.focal_length_ratio *
-               std::hypot(double(camera->Width()), double(camera->Height())));
+  const double exif_log_focal = std::log(exif.focal_px);
   if (focal->source != FocalSource::PAIRS) {
     focal->source = FocalSource::EXIF;
     SetFocalLength(std::exp(exif_log_focal), camera);
@@ -114,7 +123,7 @@ void AddExif(const ImageExif& exif,
   const double pairs_variance =
       focal->log_spread * focal->log_spread / double(focal->num_estimates) +
       kMinPairsLogStddev * kMinPairsLogStddev;
-  const double exif_variance = kExifLogStddev * kExifLogStddev;
+  const double exif_variance = exif.log_stddev * exif.log_stddev;
   const double difference =
       exif_log_focal - std::log(camera->MeanFocalLength());
   if (std::abs(difference) >
@@ -223,9 +232,9 @@ std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
     } else if (SetAverage(depth_estimates[camera_id], &focal, &camera)) {
       focal.source = FocalSource::DEPTH_MODEL;
     }
-    const auto exif = scene->exif.find(camera_id);
-    if (focal.source != FocalSource::PRIOR && exif != scene->exif.end()) {
-      AddExif(exif->second, &focal, &camera);
+    const FocalPrior exif = FocalPriorOf(*scene, camera_id);
+    if (focal.source != FocalSource::PRIOR && exif.Exists()) {
+      AddExif(exif, &focal, &camera);
     }
     focal.focal_length_px = camera.MeanFocalLength();
   }

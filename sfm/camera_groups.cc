@@ -8,7 +8,11 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
+
+#include <Eigen/Eigenvalues>
+#include <glog/logging.h>
 
 namespace dgsfm {
 
@@ -81,7 +85,6 @@ CameraGroup GroupOf(const SameCameras& same,
   for (const int camera : same.cameras) {
     group.camera_ids.push_back(blocks[camera].camera_id);
   }
-  group.variance_factor = same.variance_factor;
   if (same.stddevs.isZero(0)) return group;
   const colmap::Camera& camera = model.Camera(group.camera_ids[0]);
   group.stddevs = Eigen::VectorXd::Zero(Eigen::Index(camera.NumParams()));
@@ -111,21 +114,22 @@ std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
                                    const CameraBeliefs& beliefs,
                                    const IntrinsicsPosterior& posterior,
                                    const colmap::Reconstruction& model) {
-  std::map<CameraKind, std::vector<PosteriorBlock>> blocks_of;
+  const std::map<colmap::camera_t, int> kinds = CameraKinds(beliefs);
+  std::map<int, std::vector<PosteriorBlock>> blocks_of;
   int first_param = 0;
-  for (const colmap::camera_t camera_id : posterior.camera_ids) {
+  for (const colmap::camera_t camera_id : posterior.block_ids) {
     const colmap::Camera& given = beliefs.given.at(camera_id);
-    if (posterior.covariance(first_param, first_param) > 0) {
-      blocks_of[KindOf(beliefs.given, beliefs.exif, camera_id)].push_back(
-          {camera_id, first_param});
+    if (posterior.covariance(first_param, first_param) > 0 &&
+        !beliefs.GroupOf(camera_id)) {
+      blocks_of[kinds.at(camera_id)].push_back({camera_id, first_param});
     }
     first_param += int(given.NumParams());
   }
   std::vector<CameraClass> classes;
-  for (const auto& [key, blocks] : blocks_of) {
+  for (const auto& [kind, blocks] : blocks_of) {
     if (blocks.size() < 2) continue;
     const double share =
-        double(blocks.size()) / double(posterior.camera_ids.size());
+        double(blocks.size()) / double(posterior.block_ids.size());
     CameraClass& camera_class = classes.emplace_back();
     camera_class.blocks = blocks;
     camera_class.refined = RefinedParams(blocks[0], posterior, model);
@@ -138,54 +142,102 @@ std::vector<CameraClass> ClassesOf(const CameraGroupingOptions& options,
   return classes;
 }
 
+// Differences of values from their weighted mean, over their standard
+// deviations [1], which are at least min_stddev.
+Eigen::VectorXd DeviationsFromMean(double min_stddev,
+                                   const Eigen::VectorXd& values,
+                                   const Eigen::MatrixXd& covariance) {
+  Eigen::VectorXd weights = covariance.diagonal().cwiseInverse();
+  weights /= weights.sum();
+  const Eigen::VectorXd cross = covariance * weights;
+  const double mean = weights.dot(values);
+  const Eigen::ArrayXd variances =
+      (covariance.diagonal() - 2 * cross).array() + weights.dot(cross);
+  return (values.array() - mean) /
+         (variances.max(0) + min_stddev * min_stddev).sqrt();
+}
+
 // Mean deviation of the principal points of some cameras from the given ones;
-// nothing if they are held or not seen.
+// nothing if they are held or not seen. The covariance is one of the
+// posterior's.
 std::optional<CameraDeviation> PrincipalPointDeviation(
     const std::vector<colmap::camera_t>& camera_ids,
     const CameraBeliefs& beliefs,
-    const IntrinsicsPosterior& posterior) {
+    const IntrinsicsPosterior& posterior,
+    const Eigen::MatrixXd& covariance) {
   // Weights of the parameters in the mean, a row for each coordinate.
   Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(2, posterior.params.size());
-  Eigen::VectorXd given_params(posterior.params.size());
-  Eigen::Index first_param = 0;
-  for (const colmap::camera_t camera_id : posterior.camera_ids) {
-    const colmap::Camera& given = beliefs.given.at(camera_id);
-    const auto num_params = Eigen::Index(given.NumParams());
-    given_params.segment(first_param, num_params) =
-        Eigen::Map<const Eigen::VectorXd>(given.ParamsData(), num_params);
-    if (std::binary_search(camera_ids.begin(), camera_ids.end(), camera_id)) {
-      for (Eigen::Index i = 0; i < 2; ++i) {
-        mean(i, first_param + Eigen::Index(given.PrincipalPointIdxs()[i])) = 1;
-      }
+  Eigen::Vector2d given = Eigen::Vector2d::Zero();
+  for (const colmap::camera_t camera_id : camera_ids) {
+    const auto first_param = posterior.FirstParamOf(camera_id);
+    if (!first_param) continue;
+    const colmap::Camera& camera = beliefs.given.at(camera_id);
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      const size_t idx = camera.PrincipalPointIdxs()[size_t(i)];
+      mean(i, *first_param + Eigen::Index(idx)) = 1;
+      given(i) += camera.Params(idx);
     }
-    first_param += num_params;
   }
   if (mean.isZero(0)) return std::nullopt;
-  mean /= mean.row(0).sum();
-  const CameraDeviation deviation = {
-      mean * (posterior.params - given_params),
-      mean * posterior.covariance * mean.transpose()};
+  const double count = mean.row(0).sum();
+  mean /= count;
+  const CameraDeviation deviation = {mean * posterior.params - given / count,
+                                     mean * covariance * mean.transpose()};
   if (!(deviation.covariance.diagonal().minCoeff() > 0)) return std::nullopt;
   return deviation;
 }
 
-size_t LargerSide(const colmap::Camera& camera) {
-  return std::max(camera.Width(), camera.Height());
+// Whether errors leave the deviation clearly less uncertain than the prior
+// does.
+bool IsDetermined(const CameraDeviation& deviation, double prior_stddev) {
+  constexpr double kMaxRatio = 0.5;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      deviation.covariance);
+  return eigen.eigenvalues().maxCoeff() < std::pow(kMaxRatio * prior_stddev, 2);
 }
 
 }  // namespace
 
-CameraKind KindOf(const CameraMap& given,
-                  const std::map<colmap::camera_t, ImageExif>& exif,
-                  colmap::camera_t camera_id) {
-  const colmap::Camera& camera = given.at(camera_id);
-  const auto found = exif.find(camera_id);
-  return {
-      camera.ModelId(),
-      camera.Width(),
-      camera.Height(),
-      found == exif.end() ? "" : found->second.camera,
-      camera.HasPriorFocalLength() ? camera.Params() : std::vector<double>()};
+std::map<colmap::camera_t, int> CameraKinds(const CameraBeliefs& beliefs) {
+  // Focal lengths from EXIF data that are farther apart are different zooms.
+  constexpr double kMaxLogFocalGap = 0.01;
+  using Key =
+      std::tuple<int, size_t, size_t, std::string, std::vector<double>, bool>;
+  struct Member {
+    double log_focal = 0;
+    colmap::camera_t camera_id = colmap::kInvalidCameraId;
+  };
+  std::map<Key, std::vector<Member>> classes;
+  for (const auto& [camera_id, camera] : beliefs.given) {
+    const auto label = beliefs.labels.find(camera_id);
+    const auto prior = beliefs.focal_priors.find(camera_id);
+    const bool has_prior = prior != beliefs.focal_priors.end();
+    const Key key = {
+        camera.ModelId(),
+        camera.Width(),
+        camera.Height(),
+        label == beliefs.labels.end() ? "" : label->second,
+        camera.HasPriorFocalLength() ? camera.Params() : std::vector<double>(),
+        has_prior};
+    classes[key].push_back(
+        {has_prior ? std::log(prior->second.focal_px) : 0, camera_id});
+  }
+  std::map<colmap::camera_t, int> kinds;
+  int kind = 0;
+  for (auto& [key, members] : classes) {
+    std::stable_sort(
+        members.begin(), members.end(), [](const Member& a, const Member& b) {
+          return a.log_focal < b.log_focal;
+        });
+    for (size_t i = 0; i < members.size(); ++i) {
+      if (i == 0 ||
+          members[i].log_focal - members[i - 1].log_focal > kMaxLogFocalGap) {
+        ++kind;
+      }
+      kinds[members[i].camera_id] = kind;
+    }
+  }
+  return kinds;
 }
 
 std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
@@ -205,24 +257,79 @@ std::vector<CameraGroup> FindCameraGroups(const CameraGroupingOptions& options,
 }
 
 std::vector<CameraGroup> FindCameraClasses(
-    const CameraGroupingOptions& options,
     const IntrinsicsPriorOptions& prior,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
-  std::map<CameraKind, std::set<colmap::camera_t>> classes;
+  const std::map<colmap::camera_t, int> kinds = CameraKinds(beliefs);
+  std::map<int, std::set<colmap::camera_t>> classes;
   for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
     const colmap::camera_t camera_id = model.Image(image_id).CameraId();
     if (PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
-      classes[KindOf(beliefs.given, beliefs.exif, camera_id)].insert(camera_id);
+      classes[kinds.at(camera_id)].insert(camera_id);
     }
   }
   std::vector<CameraGroup> groups;
-  for (const auto& [key, camera_ids] : classes) {
-    if (camera_ids.size() < size_t(options.min_num_cameras)) continue;
+  for (const auto& [kind, camera_ids] : classes) {
+    if (camera_ids.size() < 2) continue;
     groups.emplace_back().camera_ids.assign(camera_ids.begin(),
                                             camera_ids.end());
   }
   return groups;
+}
+
+std::vector<colmap::image_t> FindDeviatingImages(
+    const CameraGroupingOptions& options,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& by_image,
+    const colmap::Reconstruction& model) {
+  struct Focal {
+    colmap::image_t image_id;
+    Eigen::Index param;
+  };
+  // Of images that share intrinsics and refine their focal length.
+  std::map<colmap::camera_t, std::vector<Focal>> shared;
+  Eigen::Index first_param = 0;
+  for (size_t i = 0; i < by_image.block_ids.size(); ++i) {
+    const colmap::image_t image_id = by_image.block_ids[i];
+    const colmap::camera_t camera_id = model.Image(image_id).CameraId();
+    const CameraGroup* group = beliefs.RigidGroupOf(camera_id);
+    if (by_image.covariance(first_param, first_param) > 0) {
+      shared[group ? group->camera_ids.front() : camera_id].push_back(
+          {image_id, first_param});
+    }
+    first_param += by_image.num_params[i];
+  }
+  std::vector<colmap::image_t> deviating;
+  for (const auto& [camera_id, focals] : shared) {
+    if (focals.size() < 2) continue;
+    const auto count = Eigen::Index(focals.size());
+    Eigen::VectorXd logs(count);
+    Eigen::MatrixXd covariance(count, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const double focal = model.Camera(camera_id).MeanFocalLength();
+      // The step of the logarithm.
+      logs(i) = by_image.params(focals[size_t(i)].param) / focal - 1;
+      for (Eigen::Index j = 0; j < count; ++j) {
+        covariance(i, j) = by_image.covariance(focals[size_t(i)].param,
+                                               focals[size_t(j)].param) /
+                           (focal * focal);
+      }
+    }
+    const Eigen::VectorXd deviations =
+        DeviationsFromMean(options.min_log_focal_stddev, logs, covariance);
+    const double rms = std::sqrt(deviations.squaredNorm() / double(count));
+    VLOG(1) << "Camera " << camera_id << ": focal lengths of " << count
+            << " images differ by " << rms << " standard deviations, at most "
+            << deviations.cwiseAbs().maxCoeff();
+    for (Eigen::Index i = 0; i < count; ++i) {
+      if (rms > options.max_rms_focal_deviation ||
+          std::abs(deviations(i)) > options.max_focal_deviation) {
+        deviating.push_back(focals[size_t(i)].image_id);
+      }
+    }
+  }
+  std::sort(deviating.begin(), deviating.end());
+  return deviating;
 }
 
 std::vector<CameraGroup> FindCandidateGroups(
@@ -245,73 +352,98 @@ std::vector<CameraGroup> FindCandidateGroups(
   return groups;
 }
 
-std::set<colmap::camera_t> FindGivenPrincipalPoints(
+std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const CameraGroupingOptions& options,
     const IntrinsicsPriorOptions& prior,
     const CameraBeliefs& beliefs,
-    const IntrinsicsPosterior& posterior) {
-  std::set<colmap::camera_t> given_ids;
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model) {
+  // Cameras that share a principal point, in all their images.
+  struct Owner {
+    std::vector<colmap::camera_t> camera_ids;
+    int num_images = 0;
+  };
+  std::map<colmap::camera_t, Owner> owners;
   for (const CameraGroup& group : beliefs.groups) {
-    const auto deviation =
-        PrincipalPointDeviation(group.camera_ids, beliefs, posterior);
-    const double prior_stddev =
-        prior.principal_point_stddev_ratio *
-        double(LargerSide(beliefs.given.at(group.camera_ids.front())));
-    if (deviation && LogOddsOfDeviation(
-                         *deviation, group.variance_factor, prior_stddev) < 0) {
-      given_ids.insert(group.camera_ids.begin(), group.camera_ids.end());
-    }
+    owners[group.camera_ids.front()].camera_ids = group.camera_ids;
+  }
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    const colmap::camera_t camera_id = model.Image(image_id).CameraId();
+    const CameraGroup* group = beliefs.GroupOf(camera_id);
+    Owner& owner = owners[group ? group->camera_ids.front() : camera_id];
+    if (!group) owner.camera_ids = {camera_id};
+    ++owner.num_images;
   }
 
-  std::vector<colmap::camera_t> camera_ids;
+  std::vector<const Owner*> judged;
   std::vector<CameraDeviation> deviations;
-  for (const colmap::camera_t camera_id : posterior.camera_ids) {
-    const bool is_grouped =
-        std::any_of(beliefs.groups.begin(),
-                    beliefs.groups.end(),
-                    [id = camera_id](const CameraGroup& group) {
-                      return group.Contains(id);
-                    });
-    const auto deviation =
-        PrincipalPointDeviation({camera_id}, beliefs, posterior);
-    if (is_grouped || !deviation) continue;
-    camera_ids.push_back(camera_id);
-    deviations.push_back(*deviation);
+  std::set<colmap::camera_t> held;
+  for (const auto& [camera_id, owner] : owners) {
+    const auto deviation = PrincipalPointDeviation(
+        owner.camera_ids, beliefs, posterior, posterior.covariance);
+    if (deviation) {
+      judged.push_back(&owner);
+      deviations.push_back(*deviation);
+    } else {
+      held.insert(owner.camera_ids.begin(), owner.camera_ids.end());
+    }
   }
   const std::vector<char> deviating = DeviatingCameras(options, deviations);
-  for (size_t i = 0; i < camera_ids.size(); ++i) {
-    if (!deviating[i]) given_ids.insert(camera_ids[i]);
+  for (size_t i = 0; i < judged.size(); ++i) {
+    const std::vector<colmap::camera_t>& ids = judged[i]->camera_ids;
+    const double stddev_px = prior.principal_point_stddev_ratio *
+                             LargerSide(beliefs.given.at(ids.front()));
+    const bool is_crop = deviating[i] && deviations[i].values.norm() >
+                                             prior.crop_factor * stddev_px;
+    const bool is_determined =
+        judged[i]->num_images > 1 && IsDetermined(deviations[i], stddev_px) &&
+        LogOddsOfDeviation(
+            *PrincipalPointDeviation(
+                ids, beliefs, posterior, posterior.keypoint_covariance),
+            stddev_px) > 0;
+    if (!is_crop && !is_determined) held.insert(ids.begin(), ids.end());
   }
-  return given_ids;
+  return held;
 }
 
-void ShareIntrinsics(const std::vector<CameraGroup>& groups,
-                     colmap::Reconstruction* model) {
-  colmap::Reconstruction shared;
+void RenameCameras(const std::map<colmap::camera_t, colmap::camera_t>& new_ids,
+                   colmap::Reconstruction* model) {
+  colmap::Reconstruction renamed;
   for (const auto& [image_id, original] : model->Images()) {
     colmap::Image image = original;
-    for (const CameraGroup& group : groups) {
-      if (group.IsRigid() && group.Contains(image.CameraId())) {
-        image.SetCameraId(group.camera_ids.front());
-      }
-    }
-    if (!shared.ExistsCamera(image.CameraId())) {
-      shared.AddCamera(model->Camera(image.CameraId()));
+    const auto new_id = new_ids.find(image.CameraId());
+    if (new_id != new_ids.end()) image.SetCameraId(new_id->second);
+    if (!renamed.ExistsCamera(image.CameraId())) {
+      colmap::Camera camera = model->Camera(original.CameraId());
+      camera.SetCameraId(image.CameraId());
+      renamed.AddCamera(camera);
     }
     for (colmap::point2D_t i = 0; i < image.NumPoints2D(); ++i) {
       if (image.Point2D(i).HasPoint3D()) image.ResetPoint3DForPoint2D(i);
     }
     image.SetRegistered(false);
-    shared.AddImage(image);
-    if (original.IsRegistered()) shared.RegisterImage(image_id);
+    renamed.AddImage(image);
+    if (original.IsRegistered()) renamed.RegisterImage(image_id);
   }
   for (const colmap::point3D_t point_id : SortedPoints(*model)) {
     const colmap::Point3D& point = model->Point3D(point_id);
-    const colmap::point3D_t shared_id =
-        shared.AddPoint3D(point.XYZ(), point.Track(), point.Color());
-    shared.Point3D(shared_id).SetError(point.Error());
+    const colmap::point3D_t renamed_id =
+        renamed.AddPoint3D(point.XYZ(), point.Track(), point.Color());
+    renamed.Point3D(renamed_id).SetError(point.Error());
   }
-  *model = std::move(shared);
+  *model = std::move(renamed);
+}
+
+std::map<colmap::camera_t, colmap::camera_t> FirstOfRigidGroups(
+    const std::vector<CameraGroup>& groups) {
+  std::map<colmap::camera_t, colmap::camera_t> first_ids;
+  for (const CameraGroup& group : groups) {
+    if (!group.IsRigid()) continue;
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      first_ids[camera_id] = group.camera_ids.front();
+    }
+  }
+  return first_ids;
 }
 
 void KeepGroupsOf(const colmap::Reconstruction& model,

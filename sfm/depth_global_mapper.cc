@@ -39,6 +39,14 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
       });
 }
 
+size_t NumCamerasOf(const std::vector<CameraGroup>& groups) {
+  size_t num_cameras = 0;
+  for (const CameraGroup& group : groups) {
+    num_cameras += group.camera_ids.size();
+  }
+  return num_cameras;
+}
+
 // Whether the focal lengths of a pair may be far off: without depth, or where
 // its matches do not tell them. The others gain nothing from averaged ones.
 bool LacksFocals(const PairGeometry& pair) {
@@ -69,7 +77,7 @@ DepthGlobalMapper::DepthGlobalMapper(
     : options_(options),
       verification_(verification),
       scene_(scene),
-      beliefs_({scene.cameras, {}, {}, scene.exif}),
+      beliefs_(GivenBeliefs(scene)),
       depths_(std::move(depths)),
       pair_scores_(pair_scores) {
   std::string error;
@@ -300,13 +308,14 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     }
   }
 
-  const bool success = PositionModel(model.get()) && AdjustModel(model.get());
   CameraBeliefs beliefs = beliefs_;
   final_loss_scale_px_ = options_.refinement.bundle_adjustment.loss_scale_px;
+  const bool success = RefineModel(&beliefs, model.get());
   if (success && !options_.skip_retriangulation) {
     final_loss_scale_px_ =
         AdaptedLossScale(options_.refinement.bundle_adjustment, *model);
-    beliefs = RetriangulateModel(pairs, model.get());
+    if (!options_.skip_camera_grouping) CalibrateCameras(&beliefs, model.get());
+    RetriangulateModel(beliefs, pairs, model.get());
   }
   FinishModel(start_centers, model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
@@ -319,9 +328,75 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
     return nullptr;
   }
   KeepGroupsOf(*model, &beliefs.groups);
-  result_.cameras.merge(SummarizeCameras(FinalAdjustment(), beliefs, *model));
-  if (options_.share_intrinsics) ShareIntrinsics(beliefs.groups, model.get());
+  std::map<colmap::camera_t, colmap::camera_t> final_ids =
+      options_.share_intrinsics
+          ? FirstOfRigidGroups(beliefs.groups)
+          : JoinedCameraIds(camera_origins_, beliefs.groups, *model);
+  for (auto& [camera_id, result] :
+       SummarizeCameras(FinalAdjustment(), beliefs, *model)) {
+    const auto final_id = final_ids.find(camera_id);
+    result_.cameras.emplace(
+        final_id == final_ids.end() ? camera_id : final_id->second, result);
+  }
+  const bool are_new =
+      std::any_of(final_ids.begin(), final_ids.end(), [](const auto& ids) {
+        return ids.first != ids.second;
+      });
+  if (are_new) RenameCameras(final_ids, model.get());
   return model;
+}
+
+bool DepthGlobalMapper::RefineModel(CameraBeliefs* beliefs,
+                                    colmap::Reconstruction* model) {
+  if (options_.skip_camera_grouping) {
+    return PositionModel(model) && AdjustModel(*beliefs, model);
+  }
+  // Few images may leave a group at once: the others say what is wrong.
+  constexpr int kMaxNumTrials = 3;
+  const colmap::Reconstruction start = *model;
+  const IntrinsicsPriorOptions& prior =
+      options_.refinement.bundle_adjustment.intrinsics;
+  TieCameraClasses(prior, beliefs, model);
+  for (int trial = 1;; ++trial) {
+    if (!PositionModel(model) || !AdjustModel(*beliefs, model)) return false;
+    if (trial == kMaxNumTrials) return true;
+    const ImageIds image_ids =
+        FindContradictingImages(SelfCalibration(), *beliefs, *model);
+    if (image_ids.empty() || !Untie(image_ids, beliefs)) return true;
+    *model = start;
+    UseCamerasOf(scene_, model);
+  }
+}
+
+bool DepthGlobalMapper::Untie(const ImageIds& image_ids,
+                              CameraBeliefs* beliefs) {
+  const std::vector<CameraGroup> groups = beliefs->groups;
+  const size_t num_split = camera_origins_.size();
+  if (options_.split_cameras) {
+    const std::set<colmap::camera_t> shared = SharedCameras(scene_);
+    std::set<colmap::camera_t> contradicted;
+    for (const colmap::image_t image_id : image_ids) {
+      const colmap::camera_t camera_id = scene_.images.at(image_id).CameraId();
+      if (shared.count(camera_id) > 0) contradicted.insert(camera_id);
+    }
+    SplitSharedCameras(contradicted);
+    AddSplitCameras(camera_origins_, beliefs);
+  }
+  UntieImages(scene_, camera_origins_, image_ids, &beliefs->groups);
+  return camera_origins_.size() != num_split ||
+         beliefs->NumTiedCameras() != NumCamerasOf(groups);
+}
+
+void DepthGlobalMapper::SplitSharedCameras(
+    const std::set<colmap::camera_t>& camera_ids) {
+  for (const colmap::camera_t camera_id : camera_ids) {
+    LOG(WARNING)
+        << "The images of camera " << camera_id
+        << " have focal lengths that differ by more than their errors: "
+           "each gets a camera of its own (--split_cameras 0 keeps one)";
+  }
+  SplitCameras(camera_ids, &scene_, &camera_origins_);
+  AddSplitCameras(camera_origins_, &beliefs_);
 }
 
 bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
@@ -345,7 +420,8 @@ bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
   return model->NumPoints3D() > 0;
 }
 
-bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
+bool DepthGlobalMapper::AdjustModel(const CameraBeliefs& beliefs,
+                                    colmap::Reconstruction* model) {
   if (options_.skip_bundle_adjustment) return true;
   const int num_rounds = options_.refinement.num_bundle_adjustment_rounds;
   BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
@@ -359,7 +435,7 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
         AdjustBundle(adjustment,
                      options_.num_threads,
                      AnchorImage(*model),
-                     beliefs_,
+                     beliefs,
                      PriorsInNeed(options_.refinement, *model, depth_priors_),
                      model);
     if (!rms) return false;
@@ -374,29 +450,9 @@ bool DepthGlobalMapper::AdjustModel(colmap::Reconstruction* model) {
   return model->NumPoints3D() > 0;
 }
 
-CameraBeliefs DepthGlobalMapper::RetriangulateModel(
-    PairGeometries* pairs, colmap::Reconstruction* model) {
-  CameraBeliefs beliefs = beliefs_;
-  const auto adjust = [&](colmap::Reconstruction* adjusted) {
-    return AdjustBundle(
-        FinalAdjustment(),
-        options_.num_threads,
-        AnchorImage(*adjusted),
-        beliefs,
-        PriorsInNeed(options_.refinement, *adjusted, depth_priors_),
-        adjusted);
-  };
-  // Before the retriangulation, whose filters would favour what free cameras
-  // made of the model; and after it, where all its points say more.
-  if (!options_.skip_camera_grouping) {
-    colmap::Reconstruction free_model = *model;
-    adjust(&free_model);
-    beliefs = CalibrateCameras(&free_model);
-    const bool nothing_learned =
-        beliefs.groups.empty() &&
-        beliefs.held_principal_points.size() == model->NumCameras();
-    if (!nothing_learned) *model = std::move(free_model);
-  }
+void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
+                                           PairGeometries* pairs,
+                                           colmap::Reconstruction* model) {
   std::unique_ptr<colmap::CorrespondenceGraph> graph;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
@@ -408,7 +464,13 @@ CameraBeliefs DepthGlobalMapper::RetriangulateModel(
                              *model,
                              graph.get());
     const size_t num_gained = Retriangulate(options_.refinement, *graph, model);
-    const std::optional<double> rms = adjust(model);
+    const std::optional<double> rms =
+        AdjustBundle(FinalAdjustment(),
+                     options_.num_threads,
+                     AnchorImage(*model),
+                     beliefs,
+                     PriorsInNeed(options_.refinement, *model, depth_priors_),
+                     model);
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
     timer.Add("observations_gained", double(num_gained))
@@ -417,16 +479,12 @@ CameraBeliefs DepthGlobalMapper::RetriangulateModel(
         .Add("points", double(model->NumPoints3D()));
     timer.Finish(&result_.stages);
     const double num_observations = double(model->ComputeNumObservations());
-    const bool recalibrate = round == 0 && !options_.skip_camera_grouping &&
-                             beliefs.NumTiedCameras() < model->NumCameras();
-    if (recalibrate) beliefs = CalibrateCameras(model);
-    if (!recalibrate && double(num_gained + num_filtered) <
-                            kMinFilteredShare * num_observations) {
+    if (double(num_gained + num_filtered) <
+        kMinFilteredShare * num_observations) {
       break;
     }
   }
   JudgePairsByModel(*model, *graph, pairs);
-  return beliefs;
 }
 
 BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
@@ -437,20 +495,37 @@ BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
   return adjustment;
 }
 
-CameraBeliefs DepthGlobalMapper::CalibrateCameras(
-    colmap::Reconstruction* model) {
-  StageTimer timer("camera_grouping");
-  const CameraBeliefs beliefs = CalibrateModel(
-      {options_.camera_grouping, FinalAdjustment(), options_.num_threads},
-      AnchorImage(*model),
-      beliefs_,
-      model);
-  timer.Add("groups", double(beliefs.groups.size()))
-      .Add("cameras", double(beliefs.NumTiedCameras()))
+SelfCalibrationOptions DepthGlobalMapper::SelfCalibration() {
+  SelfCalibrationOptions options;
+  options.grouping = options_.camera_grouping;
+  options.bundle_adjustment = FinalAdjustment();
+  options.adjust = [this](const CameraBeliefs& beliefs,
+                          int max_num_iterations,
+                          colmap::Reconstruction* model) {
+    BundleAdjustmentOptions adjustment = FinalAdjustment();
+    adjustment.max_num_iterations =
+        std::min(adjustment.max_num_iterations, max_num_iterations);
+    return AdjustBundle(
+               adjustment,
+               options_.num_threads,
+               AnchorImage(*model),
+               beliefs,
+               PriorsInNeed(options_.refinement, *model, depth_priors_),
+               model)
+        .has_value();
+  };
+  return options;
+}
+
+void DepthGlobalMapper::CalibrateCameras(CameraBeliefs* beliefs,
+                                         colmap::Reconstruction* model) {
+  StageTimer timer("self_calibration");
+  *beliefs = CalibrateModel(SelfCalibration(), *beliefs, model);
+  timer.Add("groups", double(beliefs->groups.size()))
+      .Add("cameras", double(beliefs->NumTiedCameras()))
       .Add("principal_points_held",
-           double(beliefs.held_principal_points.size()));
+           double(beliefs->held_principal_points.size()));
   timer.Finish(&result_.stages);
-  return beliefs;
 }
 
 // Of pairs between images of the model only: about others it knows nothing.

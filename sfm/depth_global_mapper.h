@@ -4,6 +4,7 @@
 #pragma once
 
 #include "sfm/camera_calibration.h"
+#include "sfm/camera_splitting.h"
 #include "sfm/component_averaging.h"
 #include "sfm/model_refinement.h"
 #include "sfm/position_initialization.h"
@@ -38,6 +39,9 @@ struct DepthGlobalMapperOptions {
   bool multiple_models = true;
   // Whether cameras that turn out to be the same become one in the models.
   bool share_intrinsics = false;
+  // Whether images of one camera entry that turn out to have focal lengths of
+  // their own get cameras of their own.
+  bool split_cameras = true;
   // Threads of all stages; -1 = all cores.
   int num_threads = -1;
 
@@ -116,12 +120,22 @@ class DepthGlobalMapper {
       PairGeometries* pairs,
       const ImageIndex& index,
       const std::vector<Eigen::Quaterniond>& cam_from_world_rotations);
+  // Global positioning and bundle adjustment of an initialized model, first
+  // with shared intrinsics of all cameras that may be the same, and without
+  // those that the model contradicts.
+  bool RefineModel(CameraBeliefs* beliefs, colmap::Reconstruction* model);
   bool PositionModel(colmap::Reconstruction* model);
-  bool AdjustModel(colmap::Reconstruction* model);
-  // Returns what it learned about the cameras.
-  CameraBeliefs RetriangulateModel(PairGeometries* pairs,
-                                   colmap::Reconstruction* model);
-  CameraBeliefs CalibrateCameras(colmap::Reconstruction* model);
+  bool AdjustModel(const CameraBeliefs& beliefs, colmap::Reconstruction* model);
+  // Takes images out of the groups of their cameras, and out of their cameras.
+  // Returns whether anything changed.
+  bool Untie(const ImageIds& image_ids, CameraBeliefs* beliefs);
+  // Gives each image of some cameras a camera of its own, with a warning.
+  void SplitSharedCameras(const std::set<colmap::camera_t>& camera_ids);
+  SelfCalibrationOptions SelfCalibration();
+  void CalibrateCameras(CameraBeliefs* beliefs, colmap::Reconstruction* model);
+  void RetriangulateModel(const CameraBeliefs& beliefs,
+                          PairGeometries* pairs,
+                          colmap::Reconstruction* model);
   // Of the adjustment of the complete model.
   BundleAdjustmentOptions FinalAdjustment() const;
   void JudgePairsByModel(const colmap::Reconstruction& model,
@@ -137,7 +151,9 @@ class DepthGlobalMapper {
   // With averaged focal lengths.
   Scene scene_;
   // Of the cameras as given.
-  const CameraBeliefs beliefs_;
+  CameraBeliefs beliefs_;
+  // Of cameras that were made of an entry with others.
+  CameraOrigins camera_origins_;
   KeypointDepthMap depths_;
   // Of the present component, by how well they agree at its start.
   DepthPriors depth_priors_;

@@ -11,33 +11,59 @@
 
 namespace dgsfm {
 
+// Which images share intrinsics.
+enum class IntrinsicsBlocks {
+  BY_CAMERA,  // those of a camera, and those of the cameras of a rigid group
+  BY_IMAGE,   // none: what each image tells by itself
+};
+
 struct IntrinsicsPosterior {
-  // Ascending; of a rigid group only the first.
-  std::vector<colmap::camera_t> camera_ids;
-  // Their parameters one after the other [px, 1]: those of the model after a
+  // Camera ids, of a rigid group the first, or image ids; ascending.
+  std::vector<uint32_t> block_ids;
+  // Parameters of one block after the other [px, 1]: those of the model after a
   // Gauss-Newton step.
   Eigen::VectorXd params;
-  // Of the data and the priors. Zero for parameters that are held.
+  // Under realistic errors of the images and the priors, and the part of it
+  // that errors of single key points cause. Zero for parameters that are held.
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd keypoint_covariance;
   // Scale of the image errors, from the residuals [px].
   double keypoint_stddev_px = 0;
 
-  // Standard deviations of the parameters of a camera; empty if it has no
-  // observations.
-  Eigen::VectorXd StddevsOf(colmap::camera_t camera_id,
-                            const colmap::Reconstruction& model) const;
+  // First parameter of a block; nothing if it has none.
+  std::optional<Eigen::Index> FirstParamOf(uint32_t block_id) const;
+
+  // Number of parameters of each block, all of one camera model.
+  std::vector<int> num_params;
 };
 
 // Intrinsics one Gauss-Newton step from the model towards the minimum of
 // AdjustBundle with the same arguments, and their covariance, poses and points
-// unknown too: the inverse of the Schur complement of the soft-L1 costs and
-// priors, times the variance of the estimates that the residuals show (Huber,
-// Robust Statistics, Eq. 7.81), which priors are weighed against. Nothing if
-// there are more images than a dense matrix allows, or no more observations
+// unknown too.
+//
+// The covariance has two parts:
+// - errors of single key points: the inverse of the Schur complement of the
+//   soft-L1 costs and priors, times the variance of the estimates that the
+//   residuals show (Huber, Robust Statistics, Eq. 7.81), which priors are
+//   weighed against; each standard deviation at least that of the sandwich
+//   estimator whose clusters are points, since errors of one track have causes
+//   in common (Huber, Sec. 7.6);
+// - smooth errors of whole images, which more key points do not average out
+//   (lens distortion beyond the camera model, rolling shutter, image
+//   stabilisation, bias of detectors): quadratic and cubic polynomials of the
+//   image coordinates, in each image independent ones and one in common for
+//   all images of a block, each coefficient with a standard deviation of
+//   2e-4 times the larger image side (0.3 px of 1600 px) at half that side
+//   from the centre.
+//
+// Models of more than max_num_images images are judged by so many of them,
+// those that share the most points. Nothing if there are no more observations
 // than unknowns.
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
     const CameraBeliefs& beliefs,
-    const colmap::Reconstruction& model);
+    const colmap::Reconstruction& model,
+    IntrinsicsBlocks blocks = IntrinsicsBlocks::BY_CAMERA,
+    size_t max_num_images = 200);
 
 }  // namespace dgsfm

@@ -2,6 +2,8 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/option_check.h"
+#include "sfm/model_access.h"
+#include "sfm/prior_trust.h"
 
 #include <algorithm>
 #include <cmath>
@@ -78,6 +80,42 @@ bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
                      error);
 }
 
+CameraBeliefs GivenBeliefs(const Scene& scene) {
+  CameraBeliefs beliefs;
+  beliefs.given = scene.cameras;
+  for (const auto& [image_id, image] : scene.images) {
+    const auto exif = scene.exif.find(image.CameraId());
+    const bool is_named =
+        exif != scene.exif.end() && !exif->second.camera.empty();
+    // Of the first image of each camera.
+    beliefs.labels.emplace(
+        image.CameraId(),
+        is_named ? exif->second.camera
+                 : image.Name().substr(0, image.Name().rfind('/') + 1));
+  }
+  for (const auto& [camera_id, camera] : scene.cameras) {
+    const FocalPrior prior = FocalPriorOf(scene, camera_id);
+    if (!camera.HasPriorFocalLength() && prior.Exists()) {
+      beliefs.focal_priors[camera_id] = prior;
+    }
+  }
+  return beliefs;
+}
+
+Eigen::VectorXd PriorMean(const CameraBeliefs& beliefs,
+                          colmap::camera_t camera_id) {
+  const colmap::Camera& camera = beliefs.given.at(camera_id);
+  Eigen::VectorXd mean = Eigen::Map<const Eigen::VectorXd>(
+      camera.ParamsData(), Eigen::Index(camera.NumParams()));
+  const auto prior = beliefs.focal_priors.find(camera_id);
+  if (prior != beliefs.focal_priors.end()) {
+    for (const size_t idx : camera.FocalLengthIdxs()) {
+      mean(Eigen::Index(idx)) = prior->second.focal_px;
+    }
+  }
+  return mean;
+}
+
 Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
                              const CameraBeliefs& beliefs,
                              colmap::camera_t camera_id) {
@@ -87,9 +125,12 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
     for (const size_t idx : idxs) stddevs(Eigen::Index(idx)) = stddev;
   };
   if (options.refine_focal_length) {
+    const auto prior = beliefs.focal_priors.find(camera_id);
     set(camera.FocalLengthIdxs(),
         camera.HasPriorFocalLength()
             ? options.focal_length_stddev_ratio * camera.MeanFocalLength()
+        : prior != beliefs.focal_priors.end()
+            ? prior->second.log_stddev * prior->second.focal_px
             : std::numeric_limits<double>::infinity());
   }
   if (options.refine_extra_params) {
@@ -98,22 +139,55 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
   if (options.refine_principal_point && !camera.HasPriorFocalLength() &&
       beliefs.held_principal_points.count(camera_id) == 0) {
     set(camera.PrincipalPointIdxs(),
-        options.principal_point_stddev_ratio *
-            double(std::max(camera.Width(), camera.Height())));
+        options.principal_point_stddev_ratio * LargerSide(camera));
   }
   return stddevs;
+}
+
+std::vector<RobustPrior> SplitPriors(const IntrinsicsPriorOptions& options,
+                                     const CameraBeliefs& beliefs,
+                                     colmap::camera_t camera_id) {
+  const colmap::Camera& camera = beliefs.given.at(camera_id);
+  const Eigen::VectorXd stddevs = PriorStddevs(options, beliefs, camera_id);
+  const bool has_soft_focal = beliefs.focal_priors.count(camera_id) > 0;
+  RobustPrior exact = {{}, std::numeric_limits<double>::infinity()};
+  RobustPrior focals = {{}, options.crop_factor};
+  RobustPrior centers = {{}, options.crop_factor};
+  const auto contains = [](const std::vector<size_t>& idxs, Eigen::Index i) {
+    return std::find(idxs.begin(), idxs.end(), size_t(i)) != idxs.end();
+  };
+  for (Eigen::Index i = 0; i < stddevs.size(); ++i) {
+    if (stddevs(i) == 0 || !std::isfinite(stddevs(i))) continue;
+    if (contains(camera.PrincipalPointIdxs(), i)) {
+      centers.idxs.push_back(i);
+    } else if (has_soft_focal && contains(camera.FocalLengthIdxs(), i)) {
+      focals.idxs.push_back(i);
+    } else {
+      exact.idxs.push_back(i);
+    }
+  }
+  std::vector<RobustPrior> priors;
+  for (const RobustPrior& prior : {exact, focals, centers}) {
+    if (!prior.idxs.empty()) priors.push_back(prior);
+  }
+  return priors;
 }
 
 bool CameraGroup::Contains(colmap::camera_t camera_id) const {
   return std::binary_search(camera_ids.begin(), camera_ids.end(), camera_id);
 }
 
-const CameraGroup* CameraBeliefs::RigidGroupOf(
-    colmap::camera_t camera_id) const {
+const CameraGroup* CameraBeliefs::GroupOf(colmap::camera_t camera_id) const {
   for (const CameraGroup& group : groups) {
-    if (group.IsRigid() && group.Contains(camera_id)) return &group;
+    if (group.Contains(camera_id)) return &group;
   }
   return nullptr;
+}
+
+const CameraGroup* CameraBeliefs::RigidGroupOf(
+    colmap::camera_t camera_id) const {
+  const CameraGroup* group = GroupOf(camera_id);
+  return group && group->IsRigid() ? group : nullptr;
 }
 
 size_t CameraBeliefs::NumTiedCameras() const {
@@ -138,19 +212,17 @@ std::vector<double> MeanParams(const CameraGroup& group,
   return mean;
 }
 
-void AddIntrinsicsPrior(const std::vector<double>& mean,
+void AddIntrinsicsPrior(const Eigen::VectorXd& mean,
                         const Eigen::VectorXd& stddevs,
                         ceres::LossFunction* loss,
                         double* params,
                         ceres::Problem* problem) {
   std::unique_ptr<ceres::LossFunction> owned_loss(loss);
-  DGSFM_CHECK(stddevs.size() == Eigen::Index(mean.size()));
+  DGSFM_CHECK(stddevs.size() == mean.size());
   const Eigen::MatrixXd A = InverseStddevRows(stddevs);
   if (A.rows() == 0) return;
-  const Eigen::VectorXd center =
-      Eigen::Map<const Eigen::VectorXd>(mean.data(), stddevs.size());
   problem->AddResidualBlock(
-      new ceres::NormalPrior(A, center), owned_loss.release(), params);
+      new ceres::NormalPrior(A, mean), owned_loss.release(), params);
 }
 
 void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,

@@ -23,16 +23,17 @@ namespace dgsfm {
 struct IntrinsicsPriorOptions {
   bool refine_focal_length = true;
   bool refine_extra_params = true;
-  // Only of cameras without a prior focal length: a given calibration keeps
-  // its principal point.
+  // Only of cameras that are not calibrated: a given calibration keeps its
+  // principal point.
   bool refine_principal_point = false;
-  // Standard deviation of prior focal lengths [1].
+  // Standard deviation of the focal lengths of calibrated cameras [1].
   double focal_length_stddev_ratio = 0.01;
   // Standard deviation of the principal point about that of the database, as a
   // share of the larger image side [1].
   double principal_point_stddev_ratio = 0.01;
-  // Deviations of principal points beyond this many standard deviations count
-  // less and less (Cauchy): crops may be far off [1].
+  // Deviations of principal points, and of focal lengths from EXIF data, beyond
+  // this many standard deviations count less and less (Cauchy): crops may be
+  // far off [1].
   double crop_factor = 2;
   // Standard deviation of the distortion parameters about those of the database
   // [1].
@@ -50,8 +51,6 @@ struct CameraGroup {
   // Standard deviation of each parameter about the group's mean [px, 1]; empty
   // in a rigid group, whose cameras have the same parameters.
   Eigen::VectorXd stddevs;
-  // Variance of estimates over what independent image errors explain [1].
-  double variance_factor = 1;
 
   bool IsRigid() const { return stddevs.size() == 0; }
   bool Contains(colmap::camera_t camera_id) const;
@@ -65,19 +64,42 @@ struct CameraBeliefs {
   std::set<colmap::camera_t> held_principal_points;
   // Disjoint.
   std::vector<CameraGroup> groups;
-  // Of cameras whose image files tell theirs.
-  std::map<colmap::camera_t, ImageExif> exif;
+  // Cameras with different labels are different: camera and zoom as EXIF data
+  // have them, where these are at hand, else the folder of the images.
+  std::map<colmap::camera_t, std::string> labels;
+  // Soft priors of the focal lengths of cameras that are not calibrated.
+  std::map<colmap::camera_t, FocalPrior> focal_priors;
 
-  // The rigid group that a camera is in, or null.
+  // The group, or rigid group, that a camera is in, or null.
+  const CameraGroup* GroupOf(colmap::camera_t camera_id) const;
   const CameraGroup* RigidGroupOf(colmap::camera_t camera_id) const;
   size_t NumTiedCameras() const;
 };
 
-// Standard deviation of each parameter of a camera about the given value [px,
-// 1]: 0 where it is held, infinite where nothing is known.
+// What is known of the cameras of a scene before they are looked at.
+CameraBeliefs GivenBeliefs(const Scene& scene);
+
+// Means of the priors of the parameters of a camera [px, 1]: the given values,
+// but for focal lengths with a soft prior.
+Eigen::VectorXd PriorMean(const CameraBeliefs& beliefs,
+                          colmap::camera_t camera_id);
+
+// Standard deviation of each parameter of a camera about that [px, 1]: 0 where
+// it is held, infinite where nothing is known.
 Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
                              const CameraBeliefs& beliefs,
                              colmap::camera_t camera_id);
+
+// Parameters whose prior is one term with a loss of its own.
+struct RobustPrior {
+  // With a finite, positive standard deviation.
+  std::vector<Eigen::Index> idxs;
+  // Scale of the Cauchy loss [standard deviations]; infinite = no loss.
+  double loss_scale = 0;
+};
+std::vector<RobustPrior> SplitPriors(const IntrinsicsPriorOptions& options,
+                                     const CameraBeliefs& beliefs,
+                                     colmap::camera_t camera_id);
 
 std::vector<double> MeanParams(const CameraGroup& group,
                                const colmap::Reconstruction& model);
@@ -85,7 +107,7 @@ std::vector<double> MeanParams(const CameraGroup& group,
 // Adds rho(sum_i ((params_i - mean_i) / stddevs_i)^2) / 2 to a problem, which
 // takes the loss rho; null is none. Parameters of zero or infinite standard
 // deviation have no term.
-void AddIntrinsicsPrior(const std::vector<double>& mean,
+void AddIntrinsicsPrior(const Eigen::VectorXd& mean,
                         const Eigen::VectorXd& stddevs,
                         ceres::LossFunction* loss,
                         double* params,

@@ -29,4 +29,8 @@ double ReprojectionError(const colmap::Reconstruction& model,
       .norm();
 }
 
+double LargerSide(const colmap::Camera& camera) {
+  return double(std::max(camera.Width(), camera.Height()));
+}
+
 }  // namespace dgsfm

@@ -23,4 +23,7 @@ double ReprojectionError(const colmap::Reconstruction& model,
                          const colmap::TrackElement& element,
                          const Eigen::Vector3d& point_in_cam);
 
+// Larger image side [px].
+double LargerSide(const colmap::Camera& camera);
+
 }  // namespace dgsfm

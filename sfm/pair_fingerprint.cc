@@ -6,16 +6,22 @@ namespace dgsfm {
 
 namespace {
 
-void AddImage(const colmap::Image& image,
-              const colmap::Camera& camera,
+void AddImage(const Scene& scene,
+              const colmap::Image& image,
               const KeypointDepthMap& depths,
               FnvHash* hash) {
+  const colmap::Camera& camera = scene.cameras.at(image.CameraId());
   hash->Add(image.CameraId());
   hash->Add(camera.ModelId());
   hash->Add(camera.Width());
   hash->Add(camera.Height());
   hash->AddAll(camera.Params());
   hash->Add(camera.HasPriorFocalLength());
+  const auto prior = scene.focal_priors.find(image.CameraId());
+  if (prior != scene.focal_priors.end()) {
+    hash->Add(prior->second.focal_px);
+    hash->Add(prior->second.log_stddev);
+  }
   const auto it = depths.find(image.ImageId());
   hash->Add(it != depths.end());
   if (it != depths.end()) hash->Add(it->second.focal_length_px);
@@ -44,8 +50,8 @@ uint64_t PairFingerprint(const Scene& scene,
   const colmap::Image& image2 = scene.images.at(image_id2);
   FnvHash hash;
   hash.AddAll(options_text);
-  AddImage(image1, scene.cameras.at(image1.CameraId()), depths, &hash);
-  AddImage(image2, scene.cameras.at(image2.CameraId()), depths, &hash);
+  AddImage(scene, image1, depths, &hash);
+  AddImage(scene, image2, depths, &hash);
   hash.Add(matches.size());
   for (const colmap::FeatureMatch& match : matches) {
     AddPoint(image1, depths, match.point2D_idx1, &hash);

@@ -9,7 +9,7 @@
 namespace dgsfm {
 
 // 64-bit FNV-1a hash of all that VerifyPair() takes for a pair: its matches
-// with their points and depths, cameras, focal lengths of the depth model, and
+// with their points and depths, cameras, priors of focal lengths, and
 // the options as `options_text`.
 uint64_t PairFingerprint(const Scene& scene,
                          const KeypointDepthMap& depths,

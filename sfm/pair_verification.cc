@@ -78,8 +78,14 @@ UsableMatches CollectMatches(const PairImage& image1,
   return usable;
 }
 
-double DepthModelFocal(const PairImage& image) {
-  return image.depths ? image.depths->focal_length_px : 0;
+// Standard deviation of the logarithm of the focal lengths that depth models
+// see in single images [1].
+constexpr double kDepthModelLogStddev = 0.25;
+
+FocalPrior PriorOf(const PairImage& image) {
+  if (image.focal_prior.Exists()) return image.focal_prior;
+  if (!image.depths || image.depths->focal_length_px == 0) return {};
+  return {image.depths->focal_length_px, kDepthModelLogStddev};
 }
 
 FocalCase FocalCaseOfPair(const colmap::Camera& camera1,
@@ -193,6 +199,16 @@ bool PairVerificationOptions::IsValid(std::string* error) const {
                      error);
 }
 
+PairImage CreatePairImage(const Scene& scene,
+                          const colmap::Image& image,
+                          const KeypointDepths* depths) {
+  const auto prior = scene.focal_priors.find(image.CameraId());
+  return {image,
+          scene.cameras.at(image.CameraId()),
+          depths,
+          prior == scene.focal_priors.end() ? FocalPrior() : prior->second};
+}
+
 PairGeometry VerifyPair(const PairImage& image1,
                         const PairImage& image2,
                         const colmap::FeatureMatches& matches,
@@ -212,8 +228,8 @@ PairGeometry VerifyPair(const PairImage& image1,
   input.focal_case = FocalCaseOfPair(camera1, camera2);
   input.focal_length1_px = camera1.MeanFocalLength();
   input.focal_length2_px = camera2.MeanFocalLength();
-  input.prior_focal_length1_px = DepthModelFocal(image1);
-  input.prior_focal_length2_px = DepthModelFocal(image2);
+  input.focal_prior1 = PriorOf(image1);
+  input.focal_prior2 = PriorOf(image2);
   input.image_size1_px = double(std::max(camera1.Width(), camera1.Height()));
   input.image_size2_px = double(std::max(camera2.Width(), camera2.Height()));
   if (!options.two_view.paper) {
@@ -241,11 +257,10 @@ PairGeometry VerifyPair(const Scene& scene,
                         const colmap::FeatureMatches& matches,
                         const PairVerificationOptions& options) {
   const auto pair_image = [&](colmap::image_t image_id) {
-    const colmap::Image& image = scene.images.at(image_id);
     const auto it = depths.find(image_id);
-    return PairImage{image,
-                     scene.cameras.at(image.CameraId()),
-                     it == depths.end() ? nullptr : &it->second};
+    return CreatePairImage(scene,
+                           scene.images.at(image_id),
+                           it == depths.end() ? nullptr : &it->second);
   };
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
   return VerifyPair(

@@ -46,15 +46,23 @@ struct PairImage {
   const colmap::Image& image;
   const colmap::Camera& camera;
   const KeypointDepths* depths = nullptr;
+  // Prior of the focal length, where the camera is not calibrated.
+  FocalPrior focal_prior;
 };
 
+// `depths` may be null.
+PairImage CreatePairImage(const Scene& scene,
+                          const colmap::Image& image,
+                          const KeypointDepths* depths);
+
 // Verifies one pair. `matches` refer to key points of the images in this
-// order. A camera with a prior focal length counts as known, with its
+// order. A camera with a prior focal length counts as calibrated, with its
 // distortion, and thresholds hold in pixels of its image; matches where the
 // model has no ray are no inliers. Of other cameras the distortion is unknown,
-// and so is the focal length, for which that of the depth model is a soft
-// prior. Images without an entry in `depths` have no depth. The result depends
-// on nothing else: neither on other pairs nor on the order of pairs.
+// and so is the focal length, for which that of EXIF data, or else of the depth
+// model, is a soft prior. Images without an entry in `depths` have no depth.
+// The result depends on nothing else: neither on other pairs nor on the order
+// of pairs.
 PairGeometry VerifyPair(const PairImage& image1,
                         const PairImage& image2,
                         const colmap::FeatureMatches& matches,

@@ -1,5 +1,7 @@
 #include "sfm/self_calibration.h"
 
+#include "estimators/median.h"
+
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -10,12 +12,8 @@ namespace {
 
 // Rounds until groups stay the same.
 constexpr int kMaxNumGroupingRounds = 3;
-// Iterations by which right ties have hardly anything left to gain, ...
+// Iterations after which right ties have hardly anything left to gain.
 constexpr int kMaxNumTrialIterations = 30;
-// ... and by which wrong ones show: they cost this many times what errors
-// explain.
-constexpr int kNumScoutIterations = 8;
-constexpr double kHopelessFactor = 10;
 
 bool AreSame(const std::vector<CameraGroup>& groups1,
              const std::vector<CameraGroup>& groups2) {
@@ -29,145 +27,86 @@ bool AreSame(const std::vector<CameraGroup>& groups1,
   return true;
 }
 
-// Adjustments of a model under changing beliefs.
-class TiedModels {
- public:
-  TiedModels(const SelfCalibrationOptions& options,
-             colmap::image_t fixed_image,
-             const CameraBeliefs& beliefs,
-             const colmap::Reconstruction& model)
-      : options_(options),
-        fixed_image_(fixed_image),
-        beliefs_(beliefs),
-        model_(model) {
-    colmap::Reconstruction evaluated = model;
-    free_cost_ = Adjust(1, {}, &evaluated);
-  }
+CameraBeliefs WithGroups(CameraBeliefs beliefs,
+                         const std::vector<CameraGroup>& groups) {
+  beliefs.groups.insert(beliefs.groups.end(), groups.begin(), groups.end());
+  return beliefs;
+}
 
-  struct Tied {
-    std::vector<CameraGroup> groups;
-    colmap::Reconstruction model;
-    // Whether independent image errors explain what the ties cost.
-    bool is_certain = false;
-  };
-  // The model with ties; nothing if no errors explain what they cost.
-  std::optional<Tied> Tie(const std::vector<CameraGroup>& groups) const {
-    Tied tied = {groups, model_, false};
-    int num_ties = 0;
-    for (const CameraGroup& group : groups) {
-      num_ties += int(group.camera_ids.size() - 1) *
-                  int(model_.Camera(group.camera_ids.front()).NumParams());
-    }
-    const auto is_plausible = [&](double increase, double factor) {
-      return AreTiesPlausible(options_.grouping, increase / factor, num_ties);
-    };
-    const double max_factor = options_.grouping.max_variance_factor;
-    const std::optional<double> scouted =
-        CostOfTies(kNumScoutIterations, groups, &tied.model);
-    if (!scouted || !is_plausible(*scouted, kHopelessFactor * max_factor)) {
-      return std::nullopt;
-    }
-    const std::optional<double> increase =
-        CostOfTies(kMaxNumTrialIterations, groups, &tied.model);
-    if (!increase || !is_plausible(*increase, max_factor)) return std::nullopt;
-    tied.is_certain = is_plausible(*increase, 1);
-    return tied;
-  }
-
- private:
-  // What an adjustment with ties ends above the free one, in units of the
-  // variance of image errors.
-  std::optional<double> CostOfTies(int max_num_iterations,
-                                   const std::vector<CameraGroup>& groups,
-                                   colmap::Reconstruction* model) const {
-    const std::optional<double> cost =
-        Adjust(max_num_iterations, groups, model);
-    if (!cost || !free_cost_) return std::nullopt;
-    const double variance =
-        *free_cost_ / (2 * double(model_.ComputeNumObservations()));
-    return variance > 0 ? (*cost - *free_cost_) / variance : 0;
-  }
-
-  // Returns the sum of robust squared errors [px^2].
-  std::optional<double> Adjust(int max_num_iterations,
-                               const std::vector<CameraGroup>& groups,
-                               colmap::Reconstruction* model) const {
-    CameraBeliefs beliefs = beliefs_;
-    beliefs.groups = groups;
-    BundleAdjustmentOptions adjustment = options_.bundle_adjustment;
-    adjustment.max_num_iterations =
-        std::min(adjustment.max_num_iterations, max_num_iterations);
-    const std::optional<double> rms = AdjustBundle(
-        adjustment, options_.num_threads, fixed_image_, beliefs, {}, model);
-    if (!rms) return std::nullopt;
-    return *rms * *rms * double(model->ComputeNumObservations());
-  }
-
-  const SelfCalibrationOptions& options_;
-  const colmap::image_t fixed_image_;
-  const CameraBeliefs& beliefs_;
-  const colmap::Reconstruction& model_;
-  std::optional<double> free_cost_;
+struct TiedModel {
+  std::vector<CameraGroup> groups;
+  colmap::Reconstruction model;
 };
 
-// Renews groups by what the model tied by them shows until they stay the same;
-// nothing if their ties contradict the model.
-std::optional<TiedModels::Tied> RenewGroups(
-    const SelfCalibrationOptions& options,
-    const TiedModels& tied_models,
-    const CameraBeliefs& free_beliefs,
-    std::vector<CameraGroup> groups) {
-  std::optional<TiedModels::Tied> tied;
+// Ties cameras, and renews the groups by what the tied model shows until they
+// stay the same. Nothing if no group is left.
+std::optional<TiedModel> Tie(const SelfCalibrationOptions& options,
+                             const CameraBeliefs& beliefs,
+                             const colmap::Reconstruction& model,
+                             std::vector<CameraGroup> groups) {
   for (int round = 0; round < kMaxNumGroupingRounds; ++round) {
-    tied = tied_models.Tie(groups);
-    if (!tied || tied->is_certain) return tied;
+    if (groups.empty()) return std::nullopt;
+    TiedModel tied = {groups, model};
+    if (!options.adjust(
+            WithGroups(beliefs, groups), kMaxNumTrialIterations, &tied.model)) {
+      return std::nullopt;
+    }
     const std::optional<IntrinsicsPosterior> posterior =
         EstimateIntrinsicsPosterior(
-            options.bundle_adjustment, free_beliefs, tied->model);
-    if (!posterior) return tied;
-    groups = FindCameraGroups(
-        options.grouping, free_beliefs, *posterior, tied->model);
-    if (groups.empty()) return std::nullopt;
-    if (AreSame(groups, tied->groups)) break;
+            options.bundle_adjustment, beliefs, tied.model);
+    if (!posterior) return std::nullopt;
+    groups =
+        FindCameraGroups(options.grouping, beliefs, *posterior, tied.model);
+    const bool is_last = round + 1 == kMaxNumGroupingRounds;
+    if (is_last || AreSame(groups, tied.groups)) return tied;
   }
-  return tied;
+  return std::nullopt;
 }
 
-// Groups of a model, see CalibrateModel, without a posterior none but whole
-// classes.
-std::vector<CameraGroup> FindGroups(
+// Groups of cameras in no group of a freely adjusted model; moves it to its
+// adjustment with them.
+std::vector<CameraGroup> FindNewGroups(const SelfCalibrationOptions& options,
+                                       const CameraBeliefs& beliefs,
+                                       colmap::Reconstruction* model) {
+  const std::optional<IntrinsicsPosterior> posterior =
+      EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, *model);
+  if (!posterior) return {};
+  for (const auto find : {&FindCandidateGroups, &FindCameraGroups}) {
+    std::optional<TiedModel> tied =
+        Tie(options,
+            beliefs,
+            *model,
+            find(options.grouping, beliefs, *posterior, *model));
+    if (!tied) continue;
+    *model = std::move(tied->model);
+    return tied->groups;
+  }
+  return {};
+}
+
+// All cameras whose principal points the model leaves open or that must stay.
+std::set<colmap::camera_t> HeldPrincipalPoints(
     const SelfCalibrationOptions& options,
-    const std::optional<IntrinsicsPosterior>& posterior,
-    colmap::image_t fixed_image,
     const CameraBeliefs& beliefs,
-    colmap::Reconstruction* model) {
-  const std::vector<CameraGroup> classes = FindCameraClasses(
-      options.grouping, options.bundle_adjustment.intrinsics, beliefs, *model);
-  // Groups are parts of classes.
-  if (classes.empty()) return {};
-  const TiedModels tied_models(options, fixed_image, beliefs, *model);
-  std::vector<CameraGroup> last_groups;
-  const auto tie = [&](const std::vector<CameraGroup>& groups)
-      -> std::optional<TiedModels::Tied> {
-    if (groups.empty() || AreSame(groups, last_groups)) return std::nullopt;
-    last_groups = groups;
-    return RenewGroups(options, tied_models, beliefs, groups);
-  };
-  std::optional<TiedModels::Tied> tied = tie(classes);
-  if (!tied && posterior) {
-    tied =
-        tie(FindCandidateGroups(options.grouping, beliefs, *posterior, *model));
+    const colmap::Reconstruction& model) {
+  const std::optional<IntrinsicsPosterior> posterior =
+      EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, model);
+  if (!posterior) {
+    std::set<colmap::camera_t> all;
+    for (const auto& [camera_id, camera] : model.Cameras()) {
+      all.insert(camera_id);
+    }
+    return all;
   }
-  if (!tied && posterior) {
-    tied = tie(FindCameraGroups(options.grouping, beliefs, *posterior, *model));
-  }
-  if (!tied) return {};
-  *model = std::move(tied->model);
-  return tied->groups;
+  return FindHeldPrincipalPoints(options.grouping,
+                                 options.bundle_adjustment.intrinsics,
+                                 beliefs,
+                                 *posterior,
+                                 model);
 }
 
-void SetPrincipalPoints(const CameraBeliefs& beliefs,
-                        colmap::Reconstruction* model) {
+void ResetPrincipalPoints(const CameraBeliefs& beliefs,
+                          colmap::Reconstruction* model) {
   for (const colmap::camera_t camera_id : beliefs.held_principal_points) {
     const colmap::Camera& given = beliefs.given.at(camera_id);
     for (const size_t idx : given.PrincipalPointIdxs()) {
@@ -178,24 +117,66 @@ void SetPrincipalPoints(const CameraBeliefs& beliefs,
 
 }  // namespace
 
+void TieCameraClasses(const IntrinsicsPriorOptions& prior,
+                      CameraBeliefs* beliefs,
+                      colmap::Reconstruction* model) {
+  beliefs->groups = FindCameraClasses(prior, *beliefs, *model);
+  for (const CameraGroup& group : beliefs->groups) {
+    std::vector<double> focals_px;
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      focals_px.push_back(model->Camera(camera_id).MeanFocalLength());
+    }
+    const double focal_px = Median(focals_px);
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      colmap::Camera& camera = model->Camera(camera_id);
+      for (const size_t idx : camera.FocalLengthIdxs()) {
+        camera.Params(idx) = focal_px;
+      }
+    }
+  }
+}
+
+std::vector<colmap::image_t> FindContradictingImages(
+    const SelfCalibrationOptions& options,
+    const CameraBeliefs& beliefs,
+    const colmap::Reconstruction& model) {
+  BundleAdjustmentOptions adjustment = options.bundle_adjustment;
+  adjustment.intrinsics.refine_principal_point = false;
+  const std::optional<IntrinsicsPosterior> by_image =
+      EstimateIntrinsicsPosterior(
+          adjustment, beliefs, model, IntrinsicsBlocks::BY_IMAGE);
+  if (!by_image) return {};
+  return FindDeviatingImages(options.grouping, beliefs, *by_image, model);
+}
+
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
-                             colmap::image_t fixed_image,
                              CameraBeliefs beliefs,
                              colmap::Reconstruction* model) {
-  std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, *model);
-  beliefs.groups = FindGroups(options, posterior, fixed_image, beliefs, model);
-  if (!beliefs.groups.empty()) {
-    posterior =
-        EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, *model);
-  }
-  if (!posterior) return beliefs;
+  const int max_num_iterations = options.bundle_adjustment.max_num_iterations;
+  colmap::Reconstruction calibrated = *model;
+  if (!options.adjust(beliefs, max_num_iterations, &calibrated)) return beliefs;
+  const bool has_untied =
+      std::any_of(model->Cameras().begin(),
+                  model->Cameras().end(),
+                  [&](const auto& camera) {
+                    return beliefs.GroupOf(camera.first) == nullptr;
+                  });
+  std::vector<CameraGroup> groups;
+  if (has_untied) groups = FindNewGroups(options, beliefs, &calibrated);
+  beliefs = WithGroups(beliefs, groups);
   beliefs.held_principal_points =
-      FindGivenPrincipalPoints(options.grouping,
-                               options.bundle_adjustment.intrinsics,
-                               beliefs,
-                               *posterior);
-  SetPrincipalPoints(beliefs, model);
+      HeldPrincipalPoints(options, beliefs, calibrated);
+  if (groups.empty() &&
+      beliefs.held_principal_points.size() == model->NumCameras()) {
+    return beliefs;
+  }
+  if (!beliefs.held_principal_points.empty()) {
+    ResetPrincipalPoints(beliefs, &calibrated);
+    if (!options.adjust(beliefs, max_num_iterations, &calibrated)) {
+      return beliefs;
+    }
+  }
+  *model = std::move(calibrated);
   return beliefs;
 }
 
@@ -223,8 +204,13 @@ std::map<colmap::camera_t, CameraResult> SummarizeCameras(
       EstimateIntrinsicsPosterior(options, beliefs, model);
   if (!posterior) return results;
   for (auto& [camera_id, result] : results) {
-    const Eigen::VectorXd stddevs = posterior->StddevsOf(
-        result.group_stddevs.empty() ? result.group : camera_id, model);
+    const std::optional<Eigen::Index> first = posterior->FirstParamOf(
+        result.group_stddevs.empty() ? result.group : camera_id);
+    if (!first) continue;
+    const Eigen::VectorXd stddevs =
+        posterior->covariance.diagonal()
+            .segment(*first, Eigen::Index(result.params.size()))
+            .cwiseSqrt();
     result.stddevs.assign(stddevs.begin(), stddevs.end());
   }
   return results;

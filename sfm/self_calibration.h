@@ -1,38 +1,58 @@
-// Self-calibration of a complete model: which cameras are one and the same, and
-// which principal points are to be trusted.
+// Self-calibration: which cameras are one and the same, and which principal
+// points a model determines.
 
 #pragma once
 
 #include "sfm/bundle_adjustment.h"
 #include "sfm/camera_groups.h"
 
+#include <functional>
 #include <map>
+#include <optional>
 #include <vector>
 
 namespace dgsfm {
 
+// Adjusts a model with some beliefs, by at most so many iterations. Returns
+// whether that succeeded.
+using ModelAdjuster = std::function<bool(const CameraBeliefs& beliefs,
+                                         int max_num_iterations,
+                                         colmap::Reconstruction* model)>;
+
 struct SelfCalibrationOptions {
   CameraGroupingOptions grouping;
-  // Of the complete model, principal points free.
+  // Adjustment of the complete model, principal points free.
   BundleAdjustmentOptions bundle_adjustment;
-  int num_threads = 1;
+  // Adjusts a model with these options.
+  ModelAdjuster adjust;
 };
 
-// Finds the groups of cameras and the principal points to hold in an adjusted
-// model.
+// Ties all cameras of a kind in `beliefs` and gives each group in the model the
+// median focal length of its cameras.
+void TieCameraClasses(const IntrinsicsPriorOptions& prior,
+                      CameraBeliefs* beliefs,
+                      colmap::Reconstruction* model);
+
+// Images of a model adjusted with held principal points that contradict the
+// intrinsics they share, see FindDeviatingImages.
+std::vector<colmap::image_t> FindContradictingImages(
+    const SelfCalibrationOptions& options,
+    const CameraBeliefs& beliefs,
+    const colmap::Reconstruction& model);
+
+// Finds groups among the cameras that are in none, and the principal points to
+// hold, in a model adjusted with held principal points.
 //
 // Free intrinsics of few images have several minima, and linear errors tell
-// them apart too well. So all cameras that may be the same by their focal
-// lengths are tied first and the model is adjusted; one Gauss-Newton step from
-// there shows which cameras still want to differ, and the groups are found anew
-// from it, until they stay the same. The model is left at the adjustment with
-// the groups found, or as it was where there are none, held principal points at
-// the given ones.
+// them apart too well. So cameras whose focal lengths are close are tied first
+// and the model is adjusted; one Gauss-Newton step from there shows which
+// cameras still want to differ, and the groups are found anew from it, until
+// they stay the same.
 //
-// `beliefs` has no groups, and is returned with them. The gauge is held at
-// fixed_image.
+// Principal points are freed where the model determines them, see
+// FindHeldPrincipalPoints. The model is left at the adjustment with what is
+// returned, or as it was where nothing was learned.
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
-                             colmap::image_t fixed_image,
                              CameraBeliefs beliefs,
                              colmap::Reconstruction* model);
 

@@ -150,12 +150,19 @@ TEST(KruppaCost, VanishesAtTheTruthInAnyUnit) {
   }
 }
 
+// Exact pairs leave nothing to the prior.
+ViewGraphCalibrationOptions WithoutPrior() {
+  ViewGraphCalibrationOptions options;
+  options.start_log_stddev = 1e6;
+  return options;
+}
+
 TEST(CalibrateViewGraph, RecoversExactFocalsFromFarStart) {
   const CameraRing ring = CreateRing(0, 0);
   for (const double start : {500.0, 1000.0, 2000.0}) {
     std::vector<double> focals(10, start);
-    const std::vector<char> estimated =
-        CalibrateViewGraph(ring.pairs, std::vector<char>(10, 0), {}, &focals);
+    const std::vector<char> estimated = CalibrateViewGraph(
+        ring.pairs, std::vector<char>(10, 0), WithoutPrior(), &focals);
     EXPECT_EQ(estimated, std::vector<char>(10, 1));
     // Zero residual at the solution: Gauss-Newton ends in rounding.
     EXPECT_LT(MaxLogError(focals, ring.focal_lengths_px), 1e-8);
@@ -170,7 +177,8 @@ TEST(CalibrateViewGraph, KnownCamerasStayAndAreNoEstimates) {
     known[i] = 1;
     focals[i] = ring.focal_lengths_px[i];
   }
-  const auto estimated = CalibrateViewGraph(ring.pairs, known, {}, &focals);
+  const auto estimated =
+      CalibrateViewGraph(ring.pairs, known, WithoutPrior(), &focals);
   for (int i = 0; i < 10; ++i) EXPECT_NE(estimated[i], known[i]);
   EXPECT_EQ(focals[2], ring.focal_lengths_px[2]);
   EXPECT_LT(MaxLogError(focals, ring.focal_lengths_px), 1e-8);
@@ -201,8 +209,27 @@ TEST(CalibrateViewGraph, PairOfOneCameraGivesItsFocal) {
   pair.F = Eigen::Vector3d(ratio, ratio, 1).asDiagonal() * pair.F;
   pair.camera2 = 0;
   std::vector<double> focals = {800};
-  EXPECT_EQ(CalibrateViewGraph({pair}, {0}, {}, &focals)[0], 1);
+  EXPECT_EQ(CalibrateViewGraph({pair}, {0}, WithoutPrior(), &focals)[0], 1);
   EXPECT_NEAR(focals[0], focal, 1e-6 * focal);
+}
+
+// Pairs of a camera that moves along its axis without turning fit any focal
+// length: the epipole lies in the principal point.
+TEST(CalibrateViewGraph, StaysAtTheStartWherePairsTellNothing) {
+  PairFundamental pair;
+  pair.camera2 = 1;
+  pair.F << 0, -1, 0, 1, 0, 0, 0, 0, 0;
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal(0, 1e-6);
+  std::vector<PairFundamental> pairs(20, pair);
+  for (PairFundamental& noisy : pairs) {
+    for (double& entry : noisy.F.reshaped()) entry += normal(random);
+  }
+  std::vector<double> focals = {800, 800};
+  CalibrateViewGraph(pairs, {0, 0}, {}, &focals);
+  // One standard deviation of the prior.
+  EXPECT_LT(std::abs(std::log(focals[0] / 800)), 0.5);
+  EXPECT_LT(std::abs(std::log(focals[1] / 800)), 0.5);
 }
 
 TEST(CalibrateViewGraph, EstimatesBeyondTheRatioReturnToTheStart) {

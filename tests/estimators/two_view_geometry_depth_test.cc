@@ -318,9 +318,8 @@ TEST(TwoViewGeometryDepth, PriorHoldsFocalThatMatchesDoNotTell) {
   options.orbit = false;
   options.max_rotation_deg = 0;
   TwoViewScene scene = CreateTwoViewScene(options, FocalCase::SHARED, 2);
-  scene.input.prior_focal_length1_px = scene.truth.focal1;
-  scene.input.prior_focal_length2_px = scene.truth.focal2;
-  scene.input.prior_log_focal_stddev = 0.05;
+  scene.input.focal_prior1 = {scene.truth.focal1, 0.05};
+  scene.input.focal_prior2 = {scene.truth.focal2, 0.05};
   const TwoViewDepthResult result =
       EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions());
   // One standard deviation of the prior.

@@ -26,6 +26,20 @@ SyntheticScene CreateScene(int num_distinct_cameras, double crop_ratio = 0) {
   return SynthesizeScene(options);
 }
 
+SelfCalibrationOptions CalibrationOptions(
+    const BundleAdjustmentOptions& adjustment) {
+  SelfCalibrationOptions options;
+  options.bundle_adjustment = adjustment;
+  options.adjust = [adjustment](const CameraBeliefs& beliefs,
+                                int max_num_iterations,
+                                colmap::Reconstruction* model) {
+    BundleAdjustmentOptions limited = adjustment;
+    limited.max_num_iterations = max_num_iterations;
+    return AdjustBundle(limited, 1, 1, beliefs, {}, model).has_value();
+  };
+  return options;
+}
+
 class AdjustedScene {
  public:
   explicit AdjustedScene(int num_distinct_cameras, double crop_ratio = 0)
@@ -43,9 +57,20 @@ class AdjustedScene {
     return AdjustBundle(options_, 1, 1, beliefs_, {}, &model_).has_value();
   }
 
+  // Images that contradict one set of intrinsics for all.
+  std::vector<colmap::image_t> Contradicting() {
+    const SelfCalibrationOptions options = CalibrationOptions(options_);
+    CameraBeliefs beliefs = beliefs_;
+    TieCameraClasses(options_.intrinsics, &beliefs, &model_);
+    for (const auto& [camera_id, camera] : model_.Cameras()) {
+      beliefs.held_principal_points.insert(camera_id);
+    }
+    EXPECT_TRUE(options.adjust(beliefs, 100, &model_));
+    return FindContradictingImages(options, beliefs, model_);
+  }
+
   CameraBeliefs Calibrate() {
-    return CalibrateModel(
-        {CameraGroupingOptions(), options_, 1}, 1, beliefs_, &model_);
+    return CalibrateModel(CalibrationOptions(options_), beliefs_, &model_);
   }
 
   std::optional<IntrinsicsPosterior> Posterior() const {
@@ -92,7 +117,7 @@ TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
   Eigen::VectorXd errors(size);
   for (Eigen::Index i = 0; i < size; ++i) {
     errors(i) = posterior->params(i) -
-                scene.TrueCamera(posterior->camera_ids[i / 4]).Params(i % 4);
+                scene.TrueCamera(posterior->block_ids[i / 4]).Params(i % 4);
     sum += errors(i) * errors(i) / posterior->covariance(i, i);
   }
   // Errors of all cameras have parts in common: a mean of squares of 1, as far
@@ -119,7 +144,7 @@ TEST(FindCameraGroups, CopiesOfOneCameraAreTiedAndGainAccuracy) {
   EXPECT_LT(scene.MaxFocalError(), untied_error);
   const auto posterior = scene.Posterior();
   ASSERT_TRUE(posterior);
-  EXPECT_EQ(posterior->camera_ids, std::vector<colmap::camera_t>({1}));
+  EXPECT_EQ(posterior->block_ids, std::vector<uint32_t>({1}));
 }
 
 TEST(FindCameraGroups, DifferentCamerasOfOneSizeAreTiedApart) {
@@ -170,7 +195,7 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   SyntheticScene synthetic = CreateScene(1);
   synthetic.options.known_focal_length = true;
   const CameraBeliefs beliefs = {
-      SceneFromSynthetic(synthetic).cameras, {}, {}, {}};
+      SceneFromSynthetic(synthetic).cameras, {}, {}, {}, {}};
   colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
@@ -190,22 +215,102 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
 TEST(FindCameraClasses, KeepCamerasApartThatExifDoes) {
   AdjustedScene scene(1);
   CameraBeliefs beliefs = scene.Beliefs();
-  IntrinsicsPriorOptions prior;
-  EXPECT_EQ(FindCameraClasses({}, prior, beliefs, scene.Model()).size(), 1);
+  const IntrinsicsPriorOptions prior;
+  EXPECT_EQ(FindCameraClasses(prior, beliefs, scene.Model()).size(), 1);
+  const std::vector<colmap::camera_t> first_half = {1, 2, 3, 4, 5, 6};
   for (colmap::camera_t id = 1; id <= 12; ++id) {
-    beliefs.exif[id].camera = id <= 6 ? "a|b||35 mm" : "a|b||50 mm";
+    beliefs.labels[id] = id <= 6 ? "a|b||35 mm" : "a|b||50 mm";
   }
-  const auto groups = FindCameraClasses({}, prior, beliefs, scene.Model());
+  auto groups = FindCameraClasses(prior, beliefs, scene.Model());
   ASSERT_EQ(groups.size(), 2);
-  EXPECT_EQ(groups[0].camera_ids,
-            std::vector<colmap::camera_t>({1, 2, 3, 4, 5, 6}));
+  EXPECT_EQ(groups[0].camera_ids, first_half);
+
+  // Zooms by the focal lengths in the database, which rounding may change.
+  beliefs.labels.clear();
+  for (colmap::camera_t id = 1; id <= 12; ++id) {
+    beliefs.focal_priors[id] = {(id <= 6 ? 700 : 720) + 1e-4 * id, 0.05};
+  }
+  groups = FindCameraClasses(prior, beliefs, scene.Model());
+  ASSERT_EQ(groups.size(), 2);
+  EXPECT_EQ(groups[0].camera_ids, first_half);
+}
+
+TEST(FindContradictingImages, OnlyWhereFocalLengthsDiffer) {
+  EXPECT_TRUE(AdjustedScene(1).Contradicting().empty());
+  EXPECT_EQ(AdjustedScene(0).Contradicting().size(), 12);
+  // Half of the images of another camera: neither half is right.
+  EXPECT_EQ(AdjustedScene(2).Contradicting().size(), 12);
+}
+
+// An arc of a few degrees around an object leaves the principal point open; a
+// collection from all sides determines it.
+TEST(FindHeldPrincipalPoints, FreesWhatIsDeterminedAndDeviates) {
+  for (const SceneFamily family : {SceneFamily::RING, SceneFamily::INTERNET}) {
+    for (const double offset_px : {0.0, 12.0}) {
+      SyntheticSceneOptions options = SceneFamilyOptions(family);
+      options.num_images = 12;
+      options.num_points_per_image = 300;
+      options.image_noise_px = kKeypointStddev;
+      options.known_focal_length = false;
+      options.camera = {};
+      options.camera.num_cameras = 1;
+      const SyntheticScene synthetic = SynthesizeScene(options);
+      const colmap::Reconstruction model =
+          ReconstructionFromSynthetic(synthetic);
+      CameraBeliefs beliefs;
+      beliefs.given = SceneFromSynthetic(synthetic).cameras;
+      beliefs.given.at(1).SetPrincipalPointX(
+          beliefs.given.at(1).PrincipalPointX() + offset_px);
+      BundleAdjustmentOptions adjustment;
+      adjustment.intrinsics.refine_principal_point = true;
+      const auto posterior =
+          EstimateIntrinsicsPosterior(adjustment, beliefs, model);
+      ASSERT_TRUE(posterior);
+      const bool is_held =
+          !FindHeldPrincipalPoints(
+               {}, adjustment.intrinsics, beliefs, *posterior, model)
+               .empty();
+      EXPECT_EQ(is_held, family == SceneFamily::RING || offset_px == 0)
+          << SceneFamilyName(family) << " " << offset_px << " "
+          << posterior->covariance.diagonal().cwiseSqrt().transpose();
+    }
+  }
+}
+
+// Smooth errors of whole images do not average out.
+TEST(EstimateIntrinsicsPosterior, HasAFloorThatMorePointsDoNotLower) {
+  std::vector<Eigen::Vector2d> keypoint_stddevs, stddevs;
+  for (const int num_points : {300, 2700}) {
+    SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::FACADE);
+    options.num_images = 12;
+    options.num_points_per_image = num_points;
+    options.image_noise_px = kKeypointStddev;
+    options.known_focal_length = false;
+    options.camera.num_cameras = 1;
+    const SyntheticScene synthetic = SynthesizeScene(options);
+    CameraBeliefs beliefs;
+    beliefs.given = SceneFromSynthetic(synthetic).cameras;
+    BundleAdjustmentOptions adjustment;
+    adjustment.intrinsics.refine_principal_point = true;
+    const auto posterior = EstimateIntrinsicsPosterior(
+        adjustment, beliefs, ReconstructionFromSynthetic(synthetic));
+    ASSERT_TRUE(posterior);
+    stddevs.push_back(
+        posterior->covariance.diagonal().segment<2>(1).cwiseSqrt());
+    keypoint_stddevs.push_back(
+        posterior->keypoint_covariance.diagonal().segment<2>(1).cwiseSqrt());
+  }
+  // A ninth of the variance, within what other points make of it.
+  EXPECT_LT(keypoint_stddevs[1].norm(), 0.5 * keypoint_stddevs[0].norm());
+  EXPECT_GT(stddevs[1].norm(), 0.7 * stddevs[0].norm());
 }
 
 TEST(CalibrateModel, KnownCamerasAreTiedOnlyIfGivenTheSame) {
   for (const bool are_given_the_same : {true, false}) {
     SyntheticScene synthetic = CreateScene(1);
     synthetic.options.known_focal_length = true;
-    CameraBeliefs beliefs = {SceneFromSynthetic(synthetic).cameras, {}, {}, {}};
+    CameraBeliefs beliefs;
+    beliefs.given = SceneFromSynthetic(synthetic).cameras;
     for (auto& [camera_id, camera] : beliefs.given) {
       camera.SetParams(beliefs.given.at(1).Params());
       // Less than the standard deviation of the prior, 1 %.
@@ -217,20 +322,19 @@ TEST(CalibrateModel, KnownCamerasAreTiedOnlyIfGivenTheSame) {
     BundleAdjustmentOptions options;
     options.intrinsics.refine_principal_point = true;
     ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
-    beliefs = CalibrateModel(
-        {CameraGroupingOptions(), options, 1}, 1, beliefs, &model);
+    beliefs = CalibrateModel(CalibrationOptions(options), beliefs, &model);
     EXPECT_EQ(beliefs.NumTiedCameras(), are_given_the_same ? 12 : 0);
   }
 }
 
-TEST(ShareIntrinsics, MergesCamerasOfRigidGroupsOnly) {
+TEST(RenameCameras, MergesCamerasOfRigidGroupsOnly) {
   AdjustedScene scene(2);
   colmap::Reconstruction model = scene.Model();
   CameraGroup rigid, soft;
   rigid.camera_ids = {1, 3, 5};
   soft.camera_ids = {2, 4};
   soft.stddevs = Eigen::Vector4d::Ones();
-  ShareIntrinsics({rigid, soft}, &model);
+  RenameCameras(FirstOfRigidGroups({rigid, soft}), &model);
   EXPECT_EQ(model.NumCameras(), 10);
   EXPECT_EQ(model.Image(5).CameraId(), 1);
   EXPECT_EQ(model.Image(4).CameraId(), 4);
@@ -246,11 +350,23 @@ TEST(CalibrateModel, HoldsPrincipalPointsUnlessTheImagesAreCrops) {
     ASSERT_TRUE(scene.Adjust());
     const CameraBeliefs beliefs = scene.Calibrate();
     EXPECT_TRUE(beliefs.groups.empty());
-    EXPECT_EQ(beliefs.held_principal_points.size(), are_crops ? 0 : 12);
+    for (colmap::camera_t id = 1; id <= 12; ++id) {
+      const colmap::Camera& truth = scene.TrueCamera(id);
+      const double offset_px = std::hypot(truth.PrincipalPointX() - 400,
+                                          truth.PrincipalPointY() - 300);
+      const bool is_held = beliefs.held_principal_points.count(id) > 0;
+      // Two standard deviations of the prior are 16 px, known to some px.
+      if (offset_px < 10) {
+        EXPECT_TRUE(is_held) << id;
+      }
+      if (offset_px > 25) {
+        EXPECT_FALSE(is_held) << id;
+      }
+    }
   }
 }
 
-TEST(CalibrateModel, HoldsThePrincipalPointOfAGroupOnlyWhereItIsTheGiven) {
+TEST(CalibrateModel, FindsThePrincipalPointOfAGroup) {
   for (const double crop_ratio : {0.0, 1.0}) {
     AdjustedScene scene(1, crop_ratio);
     ASSERT_TRUE(scene.Adjust());
@@ -258,6 +374,11 @@ TEST(CalibrateModel, HoldsThePrincipalPointOfAGroupOnlyWhereItIsTheGiven) {
     ASSERT_EQ(beliefs.groups.size(), 1);
     EXPECT_EQ(beliefs.groups[0].camera_ids.size(), 12);
     EXPECT_EQ(beliefs.held_principal_points.size(), crop_ratio == 0 ? 12 : 0);
+    const colmap::Camera& camera = scene.Model().Camera(1);
+    const colmap::Camera& truth = scene.TrueCamera(1);
+    // The standard deviation of the prior.
+    EXPECT_NEAR(camera.PrincipalPointX(), truth.PrincipalPointX(), 8);
+    EXPECT_NEAR(camera.PrincipalPointY(), truth.PrincipalPointY(), 8);
   }
 }
 
