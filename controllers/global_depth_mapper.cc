@@ -3,10 +3,11 @@
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/image_orientation.h"
 #include "colmap_ext/match_reader.h"
+#include "colmap_ext/model_writer.h"
+#include "colmap_ext/output_file.h"
 #include "controllers/commands.h"
 #include "controllers/dense_pair_verification.h"
 #include "controllers/mapper_report.h"
-#include "controllers/output_folder.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 
@@ -22,13 +23,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kProjectFile[] = "project.ini";
 constexpr char kReportFile[] = "report.json";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   size_t num_missing = 0;
   std::string first_missing;
   for (const auto& [image_id, image] : scene.images) {
-    if (fs::exists(fs::path(image_path) / image.Name())) continue;
+    if (fs::exists(PathInside(image_path, image.Name()))) continue;
     if (num_missing++ == 0) first_missing = image.Name();
   }
   if (num_missing > 0) {
@@ -46,7 +48,7 @@ void ReadExif(const std::string& image_path, Scene* scene) {
         scene->exif.count(camera_id) > 0) {
       continue;
     }
-    const std::string path = (fs::path(image_path) / image.Name()).string();
+    const std::string path = PathInside(image_path, image.Name());
     try {
       scene->exif[camera_id] = ReadImageExif(path);
     } catch (const std::runtime_error& error) {
@@ -65,7 +67,7 @@ void WarnOfTurnedImages(const std::string& image_path,
     const colmap::Camera& camera = scene.cameras.at(image.CameraId());
     try {
       const int orientation =
-          ReadExifOrientation((fs::path(image_path) / image.Name()).string());
+          ReadExifOrientation(PathInside(image_path, image.Name()));
       const bool has_other_shape =
           orientation >= 5 && camera.Width() != camera.Height();
       if (orientation != 1 && !has_other_shape) names.push_back(image.Name());
@@ -91,6 +93,10 @@ GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
 bool GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier.verification);
   CheckOptions(options_.mapper);
+  RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
+  CommandOptions command_options("", "");
+  BindOptions(&options_, &command_options);
+  command_options.WriteProject(folder.StagedFile(kProjectFile));
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
@@ -113,11 +119,9 @@ bool GlobalDepthMapper::Run() {
       options_.mapper, options_.verifier.verification, scene, depths, scores);
   DepthGlobalMapperResult result = mapper.Run(&pairs);
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
-  WriteModels(&result);
-  WriteMapperReport((fs::path(options_.output_path) / kReportFile).string(),
-                    scene,
-                    pairs,
-                    result);
+  StageModels(folder, &result);
+  WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
+  folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
   size_t num_registered = 0;
@@ -179,18 +183,16 @@ PairGeometries GlobalDepthMapper::CheckedPairs(const Scene& scene,
   return pairs;
 }
 
-void GlobalDepthMapper::WriteModels(DepthGlobalMapperResult* result) {
+void GlobalDepthMapper::StageModels(const RunFolder& folder,
+                                    DepthGlobalMapperResult* result) {
   StageTimer timer("write_models");
   for (size_t i = 0; i < result->models.size(); ++i) {
-    const std::string path =
-        (fs::path(options_.output_path) / std::to_string(i)).string();
-    CreateOutputFolder(path);
     if (!options_.image_path.empty()) {
       ExtractPointColors(options_.image_path,
                          options_.mapper.num_threads,
                          result->models[i].get());
     }
-    result->models[i]->Write(path);
+    WriteModel(*result->models[i], folder.StagedModel(i));
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);
@@ -225,9 +227,6 @@ int RunDepthGlobalMapper(int argc, char** argv) {
   if (const auto exit_code = command_options.Parse(argc, argv)) {
     return *exit_code;
   }
-  CreateOutputFolder(options.output_path);
-  command_options.WriteProject(
-      (fs::path(options.output_path) / "project.ini").string());
   if (GlobalDepthMapper(options).Run()) return 0;
   std::cerr << "ERROR: no model could be reconstructed, see "
             << (fs::path(options.output_path) / kReportFile).string()

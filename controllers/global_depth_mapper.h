@@ -3,6 +3,7 @@
 #pragma once
 
 #include "controllers/global_depth_mapper_options.h"
+#include "controllers/output_folder.h"
 
 #include <vector>
 
@@ -23,7 +24,7 @@ class GlobalDepthMapper {
                                    std::vector<StageReport>* stages);
   // Of all pairs of the scene; those of stale pairs throw.
   PairGeometries CheckedPairs(const Scene& scene, PairGeometries stored) const;
-  void WriteModels(DepthGlobalMapperResult* result);
+  void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
   void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;

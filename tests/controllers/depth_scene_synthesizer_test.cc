@@ -56,7 +56,7 @@ TEST(SynthesizeDepthScene, RendersImagesDepthAndTruth) {
     EXPECT_LT(depth_map.Coverage(), 1);  // the sky
     for (const std::string& file : {"/images/" + image.Name(),
                                     depth_path,
-                                    std::string("/gt/points3D.txt")}) {
+                                    std::string("/gt/points3D.bin")}) {
       EXPECT_EQ(FileBytes(dir + "/a" + file), FileBytes(dir + "/b" + file));
     }
   }

@@ -1,4 +1,5 @@
 #include "colmap_ext/depth_database.h"
+#include "colmap_ext/model_io.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/commands.h"
 #include "tests/controllers/run_command.h"
@@ -7,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -78,6 +80,59 @@ TEST_F(GlobalDepthMapperTest, RunsAgainFromTheSamePairs) {
   const auto first = StoredStatuses();
   ASSERT_EQ(Map(), 0);
   EXPECT_EQ(StoredStatuses(), first);
+}
+
+TEST_F(GlobalDepthMapperTest, ReplacesWhatAnEarlierRunWrote) {
+  const std::string models = dir_ + "/models";
+  ASSERT_EQ(Map(), 0);
+  // A run that gave two models, by its own account.
+  fs::copy(models + "/0", models + "/1");
+  std::ofstream(models + "/.dgsfm_manifest", std::ios::app)
+      << "1/cameras.bin\n1/images.bin\n1/points3D.bin\n";
+  std::ofstream(models + "/notes.txt") << "of the user";
+  ASSERT_EQ(Map(), 0);
+  std::vector<std::string> names;
+  for (const fs::directory_entry& entry : fs::directory_iterator(models)) {
+    names.push_back(entry.path().filename().string());
+  }
+  EXPECT_THAT(
+      names,
+      testing::UnorderedElementsAre(
+          "0", "project.ini", "report.json", "notes.txt", ".dgsfm_manifest"));
+}
+
+TEST_F(GlobalDepthMapperTest, TouchesNothingItDidNotWrite) {
+  const std::string models = dir_ + "/models";
+  for (const std::string file :
+       {"0/images.bin", "7/other.txt", "project.ini", "report.json"}) {
+    fs::create_directories(fs::path(models + "/" + file).parent_path());
+    std::ofstream(models + "/" + file) << "of the user";
+    const CommandResult result =
+        RunForTest(&RunDepthGlobalMapper,
+                   {"--database_path", path_, "--output_path", models});
+    EXPECT_EQ(result.code, 1);
+    EXPECT_THAT(result.err,
+                testing::HasSubstr(models + "/" + file + " is in the way"));
+    EXPECT_EQ(FileContent(models + "/" + file), "of the user");
+    fs::remove_all(models);
+  }
+}
+
+TEST_F(GlobalDepthMapperTest, NamesAreCheckedOrWritten) {
+  const SqliteConnection connection(path_, SqliteConnection::Mode::READ_WRITE);
+  connection.Execute(
+      "UPDATE images SET name = CAST(x'e92e6a7067' AS TEXT) "
+      "WHERE image_id = 2");
+  ASSERT_EQ(Map(), 0);
+  EXPECT_EQ(ReadModelImages(dir_ + "/models/0").count("\xe9.jpg"), 1);
+  const auto report =
+      nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+  EXPECT_EQ(report["images"][1]["name"], "\uFFFD.jpg");
+  EXPECT_FALSE(StoredStatuses().empty());
+  connection.Execute("UPDATE images SET name = '../a.jpg' WHERE image_id = 2");
+  std::ofstream(dir_ + "/a.jpg") << "outside";
+  EXPECT_EQ(Map({"--image_path", dir_ + "/scene"}), 1);
+  EXPECT_EQ(Map(), 0);
 }
 
 TEST_F(GlobalDepthMapperTest, PairsOfFewKeypointsAreVerifiedByAllMatches) {

@@ -28,3 +28,10 @@ dgsfm_add_script_test(EstimateDepth.CallsModelsAsPublished
 dgsfm_add_script_test(Databases.OfEveryColmapAreExtended
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/client_databases.py)
+add_library(fault_injection MODULE fault_injection.c)
+target_link_libraries(fault_injection PRIVATE ${CMAKE_DL_LIBS})
+dgsfm_add_script_test(Faults.OutputIsOldOrNew
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
+  ASAN_OPTIONS=verify_asan_link_order=0
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/output_faults_test.py)
