@@ -2,7 +2,6 @@
 
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/image_orientation.h"
-#include "colmap_ext/match_reader.h"
 #include "colmap_ext/model_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands.h"
@@ -148,38 +147,60 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
                            DepthDatabase::Mode::READ_ONLY)
                  .ReadPairGeometries(scene.kept_keypoints);
   }
-  if (!stored.empty()) return CheckedPairs(scene, std::move(stored));
-  if (scene.kept_keypoints.empty()) {
-    return VerifyScenePairs(
-        scene, depths, options_.verifier.verification, stages);
-  }
-  return VerifyDensePairs(options_.verifier, scene, stages);
+  if (!stored.empty()) return CheckedPairs(scene, depths, stored, stages);
+  return Verify(scene, depths, stages);
 }
 
-PairGeometries GlobalDepthMapper::CheckedPairs(const Scene& scene,
-                                               PairGeometries stored) const {
-  const SqliteConnection connection(options_.verifier.database_path,
-                                    SqliteConnection::Mode::READ_ONLY);
-  MatchReader reader(connection, scene);
+PairGeometries GlobalDepthMapper::Verify(
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    std::vector<StageReport>* stages) const {
+  return scene.kept_keypoints.empty()
+             ? VerifyScenePairs(
+                   scene, depths, options_.verifier.verification, stages)
+             : VerifyDensePairs(options_.verifier, scene, stages);
+}
+
+PairGeometries GlobalDepthMapper::CheckedPairs(
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    const PairGeometries& stored,
+    std::vector<StageReport>* stages) const {
+  const auto pair_name = [&](colmap::image_pair_t pair_id) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    return scene.images.at(image_id1).Name() + ", " +
+           scene.images.at(image_id2).Name();
+  };
+  const auto fingerprints = PairFingerprints(options_.verifier, scene);
   PairGeometries pairs;
+  std::vector<colmap::image_pair_t> stale;
   for (const auto& [pair_id, matches] : scene.matches) {
-    const size_t num_matches = scene.kept_keypoints.empty()
-                                   ? matches.size()
-                                   : reader.Read(pair_id).size();
     const auto it = stored.find(pair_id);
-    if (it == stored.end() || it->second.num_matches != num_matches) {
-      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-      throw std::runtime_error(options_.verifier.database_path + ": the pair " +
-                               scene.images.at(image_id1).Name() + ", " +
-                               scene.images.at(image_id2).Name() +
-                               " is not verified as it is matched now: run "
-                               "depth_geometric_verifier");
+    if (it == stored.end()) {
+      throw std::runtime_error(
+          options_.verifier.database_path + ": the pair " + pair_name(pair_id) +
+          " is not verified, as others are: run depth_geometric_verifier");
     }
-    pairs[pair_id] = std::move(it->second);
+    if (it->second.fingerprint != fingerprints.at(pair_id)) {
+      stale.push_back(pair_id);
+      continue;
+    }
+    pairs[pair_id] = it->second;
     pairs[pair_id].num_matches = matches.size();
   }
   LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
             << options_.verifier.database_path;
+  if (stale.empty()) return pairs;
+  LOG(WARNING) << stale.size() << " verified pairs of the database, e.g. "
+               << pair_name(stale.front())
+               << ", are of other matches, depths or options, or of another "
+                  "version of this program: they are verified again";
+  Scene stale_scene = scene;
+  stale_scene.matches.clear();
+  for (const colmap::image_pair_t pair_id : stale) {
+    stale_scene.matches[pair_id] = scene.matches.at(pair_id);
+  }
+  pairs.merge(Verify(stale_scene, depths, stages));
   return pairs;
 }
 
@@ -217,15 +238,20 @@ void GlobalDepthMapper::WritePairStatuses(const PairGeometries& pairs) const {
 
 int RunDepthGlobalMapper(int argc, char** argv) {
   GlobalDepthMapperOptions options;
-  options.paper = RequestsPaperPreset(argc, argv);
-  if (options.paper) ApplyPaperPreset(&options);
-  CommandOptions command_options(
-      "depth_global_mapper",
-      "Reconstructs a database with depth priors by global "
-      "structure from motion.");
-  BindOptions(&options, &command_options);
-  if (const auto exit_code = command_options.Parse(argc, argv)) {
-    return *exit_code;
+  // The preset, read first, sets the defaults of the other options.
+  for (int pass = 0; pass < 2; ++pass) {
+    const bool is_paper = options.paper;
+    options = GlobalDepthMapperOptions();
+    options.paper = is_paper;
+    if (is_paper) ApplyPaperPreset(&options);
+    CommandOptions command_options(
+        "depth_global_mapper",
+        "Reconstructs a database with depth priors by global "
+        "structure from motion.");
+    BindOptions(&options, &command_options);
+    if (const auto exit_code = command_options.Parse(argc, argv)) {
+      return *exit_code;
+    }
   }
   if (GlobalDepthMapper(options).Run()) return 0;
   std::cerr << "ERROR: no model could be reconstructed, see "

@@ -273,15 +273,4 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   adjustment.intrinsics.refine_principal_point = false;
 }
 
-bool RequestsPaperPreset(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "--paper=1") return true;
-    if (argument == "--paper" && i + 1 < argc) {
-      return std::string(argv[i + 1]) == "1";
-    }
-  }
-  return false;
-}
-
 }  // namespace dgsfm

@@ -135,6 +135,107 @@ TEST_F(GlobalDepthMapperTest, NamesAreCheckedOrWritten) {
   EXPECT_EQ(Map(), 0);
 }
 
+TEST_F(GlobalDepthMapperTest, PaperPresetIsAppliedHoweverItIsSaid) {
+  const auto is_paper = [this](const std::vector<std::string>& arguments) {
+    EXPECT_EQ(Map(arguments), 0);
+    const std::string project = FileContent(dir_ + "/models/project.ini");
+    EXPECT_EQ(project.find("paper=1\n") != std::string::npos,
+              project.find("skip_retriangulation=1\n") != std::string::npos);
+    return project.find("skip_retriangulation=1\n") != std::string::npos;
+  };
+  for (const std::string value : {"1", "true", "yes", "on"}) {
+    EXPECT_TRUE(is_paper({"--paper", value})) << value;
+  }
+  EXPECT_TRUE(is_paper({"--paper=on"}));
+  EXPECT_FALSE(is_paper({"--paper", "no"}));
+  const std::string project = dir_ + "/paper.ini";
+  std::ofstream(project) << "paper=1\n";
+  EXPECT_TRUE(is_paper({"--project_path", project}));
+  EXPECT_FALSE(is_paper({"--project_path", project, "--paper", "0"}));
+}
+
+TEST(GlobalDepthMapper, OneModelIsOneThoughItsPairsFallApart) {
+  const std::string dir = CreateTestDir();
+  const std::string path = SynthesizeDatabase(dir,
+                                              {"--num_images",
+                                               "16",
+                                               "--num_points_per_image",
+                                               "150",
+                                               "--max_num_neighbors",
+                                               "3",
+                                               "--random_seed",
+                                               "2"});
+  const auto num_models = [&](const std::string& multiple_models) {
+    EXPECT_EQ(RunForTest(&RunDepthGlobalMapper,
+                         {"--database_path",
+                          path,
+                          "--output_path",
+                          dir + "/models",
+                          "--num_threads",
+                          "1",
+                          // So strict that true pairs leave.
+                          "--DepthGlobalMapper.max_rotation_error",
+                          "0.3",
+                          "--DepthGlobalMapper.multiple_models",
+                          multiple_models})
+                  .code,
+              0);
+    return nlohmann::json::parse(
+               std::ifstream(dir + "/models/report.json"))["models"]
+        .size();
+  };
+  EXPECT_GT(num_models("1"), 1);
+  EXPECT_EQ(num_models("0"), 1);
+  EXPECT_FALSE(fs::exists(dir + "/models/1"));
+}
+
+TEST_F(GlobalDepthMapperTest, PairsOfOtherOptionsAreVerifiedAgain) {
+  const auto view_graph = [this] {
+    return nlohmann::json::parse(
+        std::ifstream(dir_ + "/models/report.json"))["view_graph"];
+  };
+  const std::vector<std::string> other = {"--random_seed", "3"};
+  ASSERT_EQ(Map(other), 0);
+  const auto expected = view_graph();
+  ASSERT_EQ(RunForTest(&RunDepthGeometricVerifier,
+                       {"--database_path",
+                        path_,
+                        "--num_threads",
+                        "1",
+                        "--PairVerification.min_num_inliers",
+                        "1000"})
+                .code,
+            0);
+  const CommandResult result = RunForTest(&RunDepthGlobalMapper,
+                                          {"--database_path",
+                                           path_,
+                                           "--output_path",
+                                           dir_ + "/models",
+                                           "--num_threads",
+                                           "1",
+                                           "--random_seed",
+                                           "3"});
+  EXPECT_EQ(result.code, 0);
+  EXPECT_THAT(result.err, testing::HasSubstr("they are verified again"));
+  EXPECT_EQ(view_graph(), expected);
+  // An earlier version had other fingerprints.
+  ASSERT_EQ(RunForTest(&RunDepthGeometricVerifier,
+                       {"--database_path",
+                        path_,
+                        "--num_threads",
+                        "1",
+                        "--random_seed",
+                        "3"})
+                .code,
+            0);
+  SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute(
+          "UPDATE dgsfm_pair_geometries SET fingerprint = 1, status = 2 "
+          "WHERE pair_id = 2147483649");
+  ASSERT_EQ(Map(other), 0);
+  EXPECT_EQ(view_graph(), expected);
+}
+
 TEST_F(GlobalDepthMapperTest, PairsOfFewKeypointsAreVerifiedByAllMatches) {
   const std::vector<std::string> few = {"--max_num_keypoints_per_image", "60"};
   const auto read_report = [this] {
