@@ -1,5 +1,6 @@
 #include "controllers/global_depth_mapper.h"
 
+#include "colmap_ext/colmap_schema.h"
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/image_orientation.h"
 #include "colmap_ext/model_writer.h"
@@ -56,6 +57,20 @@ void ReadExif(const std::string& image_path, Scene* scene) {
   }
 }
 
+void WarnOfPosePriors(const GlobalDepthMapperOptions& options) {
+  const std::string& path = options.verifier.database_path;
+  const int64_t num_priors = CountPosePriors(
+      SqliteConnection(path, SqliteConnection::Mode::READ_ONLY));
+  if (num_priors == 0) return;
+  LOG(WARNING) << path << " has pose priors of " << num_priors
+               << " images, which are not used. To bring a model to their "
+                  "frame: colmap model_aligner --input_path "
+               << options.output_path
+               << "/0 --output_path ALIGNED --database_path " << path
+               << " --alignment_type enu --ref_is_gps 1 (for positions that "
+                  "are no GPS: --alignment_type custom --ref_is_gps 0)";
+}
+
 // Maps of images turned by a quarter have another shape, and were refused.
 void WarnOfTurnedImages(const std::string& image_path,
                         const Scene& scene,
@@ -99,6 +114,7 @@ bool GlobalDepthMapper::Run() {
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
+  WarnOfPosePriors(options_);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
