@@ -33,7 +33,9 @@ class BinaryFile {
   template <typename T>
   T Read() {
     Take(sizeof(T));
-    return colmap::ReadBinaryLittleEndian<T>(&stream_);
+    const T value = colmap::ReadBinaryLittleEndian<T>(&stream_);
+    if (!stream_) Fail("cannot be read");
+    return value;
   }
 
   // Number of following records that have at least `record_size` bytes each.
@@ -83,7 +85,10 @@ class TextFile {
   bool NextLine() {
     ++line_number_;
     std::string line;
-    if (!std::getline(stream_, line)) return false;
+    if (!std::getline(stream_, line)) {
+      if (stream_.bad()) Fail("cannot be read");
+      return false;
+    }
     if (!line.empty() && line.back() == '\r') line.pop_back();
     line_.clear();
     line_.str(line);

@@ -213,9 +213,11 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->use_exif,
                        "whether focal length and camera that EXIF data name "
                        "count where no prior focal length is given");
-  command_options->AddRequired("output_path",
-                               &options->output_path,
-                               "folder of the models, created if missing");
+  command_options->AddRequired(
+      "output_path",
+      &options->output_path,
+      "folder of the models, created if missing; models of "
+      "an earlier run in it are replaced");
   command_options->Add("pair_scores_path",
                        &options->pair_scores_path,
                        "pair scores (Doppelgangers++), lines 'name1 name2 "
