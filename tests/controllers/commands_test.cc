@@ -25,12 +25,13 @@ TEST(RunCommand, PassesResultAndTranslatesExceptions) {
             Result(1, "ERROR: out of memory\n"));
 }
 
-TEST(RunCommand, FullStandardOutputIsAnError) {
+TEST(RunCommand, FullOrClosedStandardOutputIsAnError) {
   for (const std::string arguments : {"help", "model_renderer --help"}) {
     const std::string command =
-        DGSFM_COLMAP_MAIN " " + arguments + " 2>/dev/null >/dev/";
-    EXPECT_EQ(std::system((command + "null").c_str()), 0);
-    EXPECT_EQ(WEXITSTATUS(std::system((command + "full").c_str())), 1);
+        DGSFM_COLMAP_MAIN " " + arguments + " 2>/dev/null >";
+    EXPECT_EQ(std::system((command + "/dev/null").c_str()), 0);
+    EXPECT_EQ(WEXITSTATUS(std::system((command + "/dev/full").c_str())), 1);
+    EXPECT_EQ(WEXITSTATUS(std::system((command + "&-").c_str())), 1);
   }
 }
 
