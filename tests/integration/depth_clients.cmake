@@ -35,3 +35,7 @@ dgsfm_add_script_test(Faults.OutputIsOldOrNew
   FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
   ASAN_OPTIONS=verify_asan_link_order=0
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/output_faults_test.py)
+# The script's default are 2000 databases and 500 models.
+dgsfm_add_script_test(Faults.HostileInputEndsWithAnError
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/hostile_input_test.py 20 20)
