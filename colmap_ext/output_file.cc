@@ -23,10 +23,14 @@ constexpr size_t kBufferSize = 1 << 20;
   throw std::runtime_error("cannot write " + path + ": " + reason);
 }
 
-bool IsDeviceOrPipe(const std::string& path) {
+// Devices and pipes, and names of open files such as /dev/stdout, which must
+// not be replaced.
+bool IsStream(const std::string& path) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  return fs::is_character_file(status) || fs::is_fifo(status);
+  const fs::path folder = fs::path(path).parent_path();
+  return fs::is_character_file(status) || fs::is_fifo(status) ||
+         folder == "/dev" || folder == "/dev/fd" || folder == "/proc/self/fd";
 }
 
 // Makes the names in a folder last. Not all file systems can.
@@ -61,8 +65,8 @@ std::string PathInside(const std::string& folder, const std::string& name) {
 // The name depends on the path alone, so that what a killed run left is
 // replaced by the next; and is short, as the path's own may be of any length.
 OutputFile::OutputFile(const std::string& path) : path_(path) {
-  int flags = O_WRONLY | O_CLOEXEC;
-  if (!IsDeviceOrPipe(path)) {
+  int flags = O_WRONLY | O_CLOEXEC | O_APPEND;
+  if (!IsStream(path)) {
     const fs::path target(path);
     FnvHash hash;
     hash.AddAll(target.filename().string());
@@ -103,7 +107,7 @@ void OutputFile::Flush() {
 
 void OutputFile::Commit() {
   Flush();
-  // Devices and pipes have nothing to be synced.
+  // Streams have nothing to be synced.
   if (!partial_path_.empty() && fsync(descriptor_) != 0) Fail(path_);
   const int descriptor = descriptor_;
   descriptor_ = -1;

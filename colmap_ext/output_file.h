@@ -38,8 +38,8 @@ class OutputFile {
   void Flush();
 
   const std::string path_;
-  // Where the bytes go before Commit(); empty for a device or pipe, which is
-  // written to directly.
+  // Where the bytes go before Commit(); empty for a device, pipe or open file,
+  // which is written to directly.
   std::string partial_path_;
   int descriptor_ = -1;
   std::string buffer_;

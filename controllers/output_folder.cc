@@ -16,7 +16,8 @@ constexpr char kStaging[] = ".dgsfm_partial";
 constexpr char kManifest[] = ".dgsfm_manifest";
 
 bool IsModelName(const std::string& name) {
-  return name.find_first_not_of("0123456789") == std::string::npos;
+  return !name.empty() &&
+         name.find_first_not_of("0123456789") == std::string::npos;
 }
 
 // Files at a path, itself or in the folder that it is, relative to the root.
@@ -53,7 +54,9 @@ RunFolder::RunFolder(const std::string& path,
       staging_path_((fs::path(path) / kStaging).string()) {
   CreateOutputFolder(path_);
   std::ifstream manifest(fs::path(path_) / kManifest);
-  for (std::string file; std::getline(manifest, file);) manifest_.insert(file);
+  for (std::string file; std::getline(manifest, file);) {
+    if (IsOutput(file.substr(0, file.find('/')))) manifest_.insert(file);
+  }
   CheckOthersFiles();
   fs::remove_all(staging_path_);
   CreateOutputFolder(staging_path_);
@@ -75,8 +78,8 @@ std::string RunFolder::StagedModel(size_t index) const {
 }
 
 void RunFolder::Publish() {
-  CheckOthersFiles();
   is_publishing_ = true;
+  CheckOthersFiles();
   const std::set<std::string> files = ListFiles(staging_path_, staging_path_);
   std::set<std::string> files_of_both = manifest_;
   files_of_both.insert(files.begin(), files.end());
@@ -94,7 +97,7 @@ void RunFolder::Publish() {
   }
   // A model that is left from an earlier run goes whole as well.
   for (const std::string& file : manifest_) {
-    const std::string name = fs::path(file).begin()->string();
+    const std::string name = file.substr(0, file.find('/'));
     const fs::path path = fs::path(path_) / name;
     if (names.count(name) == 0 && fs::exists(fs::symlink_status(path))) {
       fs::rename(path, StagedFile(name + ".stale"));
@@ -104,10 +107,15 @@ void RunFolder::Publish() {
   fs::remove_all(staging_path_);
 }
 
+// Whether a run has its output at a name in the folder.
+bool RunFolder::IsOutput(const std::string& name) const {
+  return IsModelName(name) || files_.count(name) > 0;
+}
+
 void RunFolder::CheckOthersFiles() const {
   for (const fs::path& entry : ListEntries(path_)) {
     const std::string name = entry.filename().string();
-    if (!IsModelName(name) && files_.count(name) == 0) continue;
+    if (!IsOutput(name)) continue;
     for (const std::string& file : ListFiles(entry, path_)) {
       if (manifest_.count(file) > 0) continue;
       throw std::runtime_error(

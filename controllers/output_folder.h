@@ -44,6 +44,7 @@ class RunFolder {
   void Publish();
 
  private:
+  bool IsOutput(const std::string& name) const;
   void CheckOthersFiles() const;
   void WriteManifest(const std::set<std::string>& files) const;
 

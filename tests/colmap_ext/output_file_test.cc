@@ -51,6 +51,15 @@ TEST(OutputFile, NamesWhatCannotBeWritten) {
   EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
+TEST(OutputFile, WritesToTheStandardOutput) {
+  const bool is_link = fs::is_symlink("/dev/stdout");
+  testing::internal::CaptureStdout();
+  WriteFile("/dev/stdout", "a");
+  WriteFile("/dev/stdout", "b");
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "ab");
+  EXPECT_EQ(fs::is_symlink("/dev/stdout"), is_link);
+}
+
 TEST(OutputFile, ReplacesLinks) {
   const std::string dir = CreateTestDir();
   WriteFile(dir + "/target", "kept");

@@ -88,7 +88,7 @@ TEST_F(GlobalDepthMapperTest, ReplacesWhatAnEarlierRunWrote) {
   // A run that gave two models, by its own account.
   fs::copy(models + "/0", models + "/1");
   std::ofstream(models + "/.dgsfm_manifest", std::ios::app)
-      << "1/cameras.bin\n1/images.bin\n1/points3D.bin\n";
+      << "1/cameras.bin\n1/images.bin\n1/points3D.bin\n\n..\nnotes.txt\n";
   std::ofstream(models + "/notes.txt") << "of the user";
   ASSERT_EQ(Map(), 0);
   std::vector<std::string> names;
