@@ -227,7 +227,9 @@ colmap::Camera ReadCamera(File& file, colmap::camera_t id, int model_id) {
   camera.SetModelId(model_id);
   camera.SetWidth(file.template Read<uint64_t>());
   camera.SetHeight(file.template Read<uint64_t>());
-  if (std::max(camera.Width(), camera.Height()) > kMaxImageSize) {
+  const auto [min_size, max_size] =
+      std::minmax({camera.Width(), camera.Height()});
+  if (min_size == 0 || max_size > kMaxImageSize) {
     file.Fail("has a camera with images of " + std::to_string(camera.Width()) +
               " x " + std::to_string(camera.Height()));
   }
