@@ -10,10 +10,18 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <string>
+#include <type_traits>
 #include <unordered_set>
 
 namespace dgsfm {
+
+static_assert(std::is_same_v<std::vector<Eigen::Quaterniond>::allocator_type,
+                             std::allocator<Eigen::Quaterniond>>,
+              "COLMAP must have patches/colmap-3.8/0004 in it: its own "
+              "std::vector is not that of files without its headers");
+
 namespace {
 
 // Beyond these numbers overflow what is computed of them, and no camera is.
