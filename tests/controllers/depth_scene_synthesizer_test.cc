@@ -4,6 +4,8 @@
 #include "colmap_ext/depth_map_io.h"
 #include "colmap_ext/scene_database.h"
 #include "tests/controllers/run_command.h"
+#include "tests/testing/expect_error.h"
+#include "tests/testing/file_size_limit.h"
 #include "tests/testing/test_dir.h"
 
 #include <colmap/util/alignment.h>
@@ -60,6 +62,23 @@ TEST(SynthesizeDepthScene, RendersImagesDepthAndTruth) {
       EXPECT_EQ(FileBytes(dir + "/a" + file), FileBytes(dir + "/b" + file));
     }
   }
+}
+
+TEST(SynthesizeDepthScene, NamesTheFileThatDoesNotFit) {
+  DepthSceneSynthesizerOptions options;
+  options.database_only = true;
+  options.scene.num_images = 10;
+  options.output_path = CreateTestDir();
+  const FileSizeLimit limit(20000);
+  ExpectError([&] { SynthesizeDepthScene(options); },
+              options.output_path + "/database.db");
+}
+
+TEST(SynthesizeDepthScene, RefusesMoreImagesThanMemoryHolds) {
+  DepthSceneSynthesizerOptions options;
+  options.scene.num_images = 1000000000;
+  options.output_path = CreateTestDir();
+  ExpectError([&] { SynthesizeDepthScene(options); }, "num_images");
 }
 
 TEST(SynthesizeDepthScene, DatabaseHoldsObservationsAndDepth) {

@@ -37,6 +37,12 @@ ssize_t write(int file, const void* bytes, size_t size) {
   return NEXT(write)(file, bytes, size);
 }
 
+ssize_t pwrite64(int file, const void* bytes, size_t size, off64_t offset) {
+  return fails_now() ? -1 : NEXT(pwrite64)(file, bytes, size, offset);
+}
+
+int fdatasync(int file) { return fails_now() ? -1 : NEXT(fdatasync)(file); }
+
 int fsync(int file) { return fails_now() ? -1 : NEXT(fsync)(file); }
 
 int rename(const char* from, const char* to) {
