@@ -7,10 +7,7 @@
 #include "colmap_ext/raw_depth.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <iterator>
 #include <limits>
 #include <sstream>

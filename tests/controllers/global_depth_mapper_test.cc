@@ -90,7 +90,12 @@ TEST_F(GlobalDepthMapperTest, ReplacesWhatAnEarlierRunWrote) {
   std::ofstream(models + "/.dgsfm_manifest", std::ios::app)
       << "1/cameras.bin\n1/images.bin\n1/points3D.bin\n\n..\nnotes.txt\n";
   std::ofstream(models + "/notes.txt") << "of the user";
+  // Links are replaced, what they lead to stays.
+  fs::remove(models + "/report.json");
+  fs::create_symlink("notes.txt", models + "/report.json");
   ASSERT_EQ(Map(), 0);
+  EXPECT_FALSE(fs::is_symlink(models + "/report.json"));
+  EXPECT_EQ(FileContent(models + "/notes.txt"), "of the user");
   std::vector<std::string> names;
   for (const fs::directory_entry& entry : fs::directory_iterator(models)) {
     names.push_back(entry.path().filename().string());
