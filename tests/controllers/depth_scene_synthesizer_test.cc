@@ -74,11 +74,17 @@ TEST(SynthesizeDepthScene, NamesTheFileThatDoesNotFit) {
               options.output_path + "/database.db");
 }
 
-TEST(SynthesizeDepthScene, RefusesMoreImagesThanMemoryHolds) {
+TEST(SynthesizeDepthScene, RefusesNumbersBeyondReason) {
   DepthSceneSynthesizerOptions options;
   options.scene.num_images = 1000000000;
   options.output_path = CreateTestDir();
   ExpectError([&] { SynthesizeDepthScene(options); }, "num_images");
+  options.scene.num_images = 1;
+  options.scene.camera.width_px = 2000000000;
+  ExpectError([&] { SynthesizeDepthScene(options); }, "image size");
+  options.scene.camera = {};
+  options.scene.camera.focal_length_px = 1e-320;
+  ExpectError([&] { SynthesizeDepthScene(options); }, "focal_length_px");
 }
 
 TEST(SynthesizeDepthScene, DatabaseHoldsObservationsAndDepth) {

@@ -193,6 +193,8 @@ def main():
                  "--width", 160, "--height", 90),
                 ("depth_exporter", "--database_path", scene / "database.db",
                  "--output_path", folder / "out"),
+                ("depth_exporter", "--database_path", scene / "database.db",
+                 "--output_path", folder / "out", "--undistorted_path", model),
             ):  # fmt: skip
                 code = run(folder, command, "--input_path", model, *arguments)
                 codes[command, code] = codes.get((command, code), 0) + 1
