@@ -90,13 +90,12 @@ std::vector<uint8_t> FormatNpyHalf(const DepthGrid& grid);
 std::vector<uint8_t> FormatNpyFloat(const DepthGrid& grid);
 
 std::vector<uint8_t> FormatDenseBin(const DepthGrid& grid);
-// One channel Z of floats, ZIP compression. Throws with the path.
-void WriteExr(const std::string& path, const DepthGrid& grid);
+// One channel Z of floats, ZIP compression.
+std::string FormatExr(const DepthGrid& grid);
 
-// Row-major values from the top. Throws with the path and libpng's message.
-void WritePng16(const std::string& path,
-                int width,
-                int height,
-                const std::vector<uint16_t>& values);
+// Row-major values from the top.
+std::string FormatPng16(int width,
+                        int height,
+                        const std::vector<uint16_t>& values);
 
 }  // namespace dgsfm::internal

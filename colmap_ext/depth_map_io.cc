@@ -3,13 +3,11 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/depth_file_formats.h"
 #include "colmap_ext/image_orientation.h"
+#include "colmap_ext/output_file.h"
 #include "colmap_ext/raw_depth.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <iterator>
 #include <limits>
 #include <sstream>
@@ -203,11 +201,8 @@ ImportedDepth ConvertRawDepth(RawDepth raw,
   return result;
 }
 
-void WriteFile(const std::string& path, const std::vector<uint8_t>& bytes) {
-  std::ofstream file(path, std::ios::binary);
-  file.write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  file.close();
-  if (!file) throw std::runtime_error(path + ": " + std::strerror(errno));
+void WriteBytes(const std::string& path, const std::vector<uint8_t>& bytes) {
+  WriteFile(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 DepthGrid GridOf(const DepthMap& depth_map) {
@@ -284,18 +279,18 @@ DepthMap ReadDepthMap(const std::string& path,
 void WriteDepthNpy(const std::string& path,
                    const DepthMap& depth_map,
                    NpyPrecision precision) {
-  WriteFile(path,
-            precision == NpyPrecision::HALF
-                ? internal::FormatNpyHalf(GridOf(depth_map))
-                : internal::FormatNpyFloat(GridOf(depth_map)));
+  WriteBytes(path,
+             precision == NpyPrecision::HALF
+                 ? internal::FormatNpyHalf(GridOf(depth_map))
+                 : internal::FormatNpyFloat(GridOf(depth_map)));
 }
 
 void WriteDepthExr(const std::string& path, const DepthMap& depth_map) {
-  internal::WriteExr(path, GridOf(depth_map));
+  WriteFile(path, internal::FormatExr(GridOf(depth_map)));
 }
 
 void WriteDepthDenseBin(const std::string& path, const DepthMap& depth_map) {
-  WriteFile(path, internal::FormatDenseBin(GridOf(depth_map)));
+  WriteBytes(path, internal::FormatDenseBin(GridOf(depth_map)));
 }
 
 void WriteDepthPng(const std::string& path,
@@ -309,7 +304,8 @@ void WriteDepthPng(const std::string& path,
     const bool is_known = depth > 0 && step < kUnknownStep;
     steps.push_back(is_known ? static_cast<uint16_t>(step) : 0);
   }
-  internal::WritePng16(path, depth_map.width, depth_map.height, steps);
+  WriteFile(path,
+            internal::FormatPng16(depth_map.width, depth_map.height, steps));
 }
 
 }  // namespace dgsfm

@@ -43,6 +43,25 @@ class MemoryStream : public Imf::IStream {
   uint64_t pos_ = 0;
 };
 
+class MemoryOutput : public Imf::OStream {
+ public:
+  MemoryOutput() : Imf::OStream("memory") {}
+
+  // OpenEXR returns to its table of offsets in the end.
+  void write(const char data[], int size) override {
+    bytes.resize(std::max<size_t>(bytes.size(), pos_ + size));
+    std::memcpy(&bytes[pos_], data, size);
+    pos_ += size;
+  }
+  uint64_t tellp() override { return pos_; }
+  void seekp(uint64_t pos) override { pos_ = pos; }
+
+  std::string bytes;
+
+ private:
+  uint64_t pos_ = 0;
+};
+
 // Behind the names of layers, in small letters.
 std::string LastName(const std::string& name) {
   std::string last = name.substr(name.rfind('.') + 1);
@@ -137,7 +156,8 @@ DepthGrid ParseExr(const std::vector<uint8_t>& bytes) {
   }
 }
 
-void WriteExr(const std::string& path, const DepthGrid& grid) {
+std::string FormatExr(const DepthGrid& grid) {
+  MemoryOutput output;
   try {
     Imf::Header header(grid.width, grid.height);
     header.compression() = Imf::ZIP_COMPRESSION;
@@ -150,12 +170,13 @@ void WriteExr(const std::string& path, const DepthGrid& grid) {
         "Z",
         Imf::Slice(
             Imf::FLOAT, pixels, sizeof(float), sizeof(float) * grid.width));
-    Imf::OutputFile file(path.c_str(), header, /*numThreads=*/0);
+    Imf::OutputFile file(output, header, /*numThreads=*/0);
     file.setFrameBuffer(frame_buffer);
     file.writePixels(grid.height);
   } catch (const std::exception& error) {
-    throw std::runtime_error(path + ": " + error.what());
+    throw std::runtime_error(std::string("EXR: ") + error.what());
   }
+  return std::move(output.bytes);
 }
 
 }  // namespace dgsfm::internal

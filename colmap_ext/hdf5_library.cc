@@ -52,6 +52,16 @@ herr_t OnObject(hid_t, const char* path, const H5O_info_t* info, void* data) {
   return 0;
 }
 
+// Links, virtual data sets and external storage lead to any file there is.
+bool IsInFile(hid_t file, hid_t dataset) {
+  H5O_info_t file_info, info;
+  const Handle creation(H5Dget_create_plist(dataset), H5Pclose);
+  return H5Oget_info(file, &file_info) >= 0 &&
+         H5Oget_info(dataset, &info) >= 0 && info.fileno == file_info.fileno &&
+         H5Pget_layout(creation) != H5D_VIRTUAL &&
+         H5Pget_external_count(creation) == 0;
+}
+
 std::vector<uint64_t> ReadShape(hid_t space) {
   const int num_dimensions = space < 0 ? -1 : H5Sget_simple_extent_ndims(space);
   if (num_dimensions < 0 || num_dimensions > kMaxNumDimensions) {
@@ -159,6 +169,9 @@ std::optional<NumberArray> Hdf5Library::Read(const std::string& group,
   const std::string array = "the data set " + group + "/" + name;
   const Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose);
   if (dataset < 0) throw std::runtime_error(array + ": unreadable");
+  if (!IsInFile(impl_->id, dataset)) {
+    throw std::runtime_error(array + ": its numbers are in another file");
+  }
   const Handle type(H5Dget_type(dataset), H5Tclose);
   const Handle space(H5Dget_space(dataset), H5Sclose);
   try {

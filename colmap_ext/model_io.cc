@@ -17,6 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kMaxNumber = 1e30;
+constexpr size_t kMaxImageSize = 1000000;  // [px]
+
 // Reads numbers of a binary file, never beyond its end.
 class BinaryFile {
  public:
@@ -30,7 +33,9 @@ class BinaryFile {
   template <typename T>
   T Read() {
     Take(sizeof(T));
-    return colmap::ReadBinaryLittleEndian<T>(&stream_);
+    const T value = colmap::ReadBinaryLittleEndian<T>(&stream_);
+    if (!stream_) Fail("cannot be read");
+    return value;
   }
 
   // Number of following records that have at least `record_size` bytes each.
@@ -80,7 +85,10 @@ class TextFile {
   bool NextLine() {
     ++line_number_;
     std::string line;
-    if (!std::getline(stream_, line)) return false;
+    if (!std::getline(stream_, line)) {
+      if (stream_.bad()) Fail("cannot be read");
+      return false;
+    }
     if (!line.empty() && line.back() == '\r') line.pop_back();
     line_.clear();
     line_.str(line);
@@ -156,6 +164,12 @@ void ReadFile(const std::string& folder,
   }
 }
 
+// Finite, also where numbers are squared or become depths of 32 bits.
+template <typename Vector>
+bool IsSound(const Vector& vector) {
+  return (vector.array().abs() <= kMaxNumber).all();
+}
+
 // Both forms have the same numbers in the same order.
 template <typename File>
 Rigid3d ReadPose(File& file) {
@@ -163,7 +177,7 @@ Rigid3d ReadPose(File& file) {
   Eigen::Vector3d translation;
   for (double& value : qvec) value = file.template Read<double>();
   for (double& value : translation) value = file.template Read<double>();
-  if (!qvec.allFinite() || !translation.allFinite() || qvec.norm() == 0) {
+  if (!IsSound(qvec) || !IsSound(translation) || !(qvec.norm() > 1e-6)) {
     file.Fail("has an invalid pose");
   }
   return Rigid3d(RotationFromQvec(qvec), translation);
@@ -173,7 +187,7 @@ template <typename File>
 Eigen::Vector3d ReadXyz(File& file) {
   Eigen::Vector3d xyz;
   for (double& value : xyz) value = file.template Read<double>();
-  if (!xyz.allFinite()) file.Fail("has an invalid point");
+  if (!IsSound(xyz)) file.Fail("has an invalid point");
   return xyz;
 }
 
@@ -183,7 +197,7 @@ ModelObservation ReadObservation(File& file) {
   for (double& value : observation.xy) value = file.template Read<double>();
   // Without a point -1, which is kInvalidPoint3DId as an unsigned number.
   observation.point3D_id = file.template Read<int64_t>();
-  if (!observation.xy.allFinite()) file.Fail("has an invalid key point");
+  if (!IsSound(observation.xy)) file.Fail("has an invalid key point");
   return observation;
 }
 
@@ -213,9 +227,17 @@ colmap::Camera ReadCamera(File& file, colmap::camera_t id, int model_id) {
   camera.SetModelId(model_id);
   camera.SetWidth(file.template Read<uint64_t>());
   camera.SetHeight(file.template Read<uint64_t>());
+  const auto [min_size, max_size] =
+      std::minmax({camera.Width(), camera.Height()});
+  if (min_size == 0 || max_size > kMaxImageSize) {
+    file.Fail("has a camera with images of " + std::to_string(camera.Width()) +
+              " x " + std::to_string(camera.Height()));
+  }
   for (double& param : camera.Params()) {
     param = file.template Read<double>();
-    if (!std::isfinite(param)) file.Fail("has an invalid camera parameter");
+    if (!(std::abs(param) <= kMaxNumber)) {
+      file.Fail("has an invalid camera parameter");
+    }
   }
   return camera;
 }
@@ -229,7 +251,9 @@ std::vector<std::string> FindModels(const std::string& path) {
   if (FindFile(path, "images")) return {path};
   std::vector<std::string> folders;
   for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
-    if (entry.is_directory() && FindFile(entry.path(), "images")) {
+    const bool is_hidden = entry.path().filename().string().front() == '.';
+    if (!is_hidden && entry.is_directory() &&
+        FindFile(entry.path(), "images")) {
       folders.push_back(entry.path().string());
     }
   }

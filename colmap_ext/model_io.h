@@ -43,8 +43,8 @@ struct ModelPoint {
 };
 
 // Folders of the models at a path: the path itself if it holds images.bin or
-// images.txt, otherwise its sub-folders that do, sorted by name. Throws if
-// there are none.
+// images.txt, otherwise its sub-folders that do, sorted by name, without hidden
+// ones. Throws if there are none.
 std::vector<std::string> FindModels(const std::string& path);
 
 // Of those, the one with most images; the first if there are several.

@@ -37,9 +37,15 @@ void ParallelFor(size_t count,
       }
     }
   };
-  std::vector<std::thread> workers;
-  for (size_t i = 0; i < num_workers; ++i) workers.emplace_back(work);
-  for (std::thread& worker : workers) worker.join();
+  std::vector<std::thread> helpers;
+  helpers.reserve(num_workers - 1);
+  try {
+    while (helpers.size() + 1 < num_workers) helpers.emplace_back(work);
+  } catch (const std::exception&) {
+    // The system has no more threads for us: those there are do the work.
+  }
+  work();
+  for (std::thread& helper : helpers) helper.join();
   if (error) std::rethrow_exception(error);
 }
 

@@ -1,10 +1,10 @@
 #include "colmap_ext/depth_file_formats.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <stdexcept>
+#include <string>
 
 #include <boost/endian/conversion.hpp>
 #include <png.h>
@@ -54,6 +54,8 @@ struct WriteSession : Session {
   ~WriteSession() { png_destroy_write_struct(&png, &info); }
   WriteSession(const WriteSession&) = delete;
   WriteSession& operator=(const WriteSession&) = delete;
+
+  std::string bytes;
 };
 
 void ReadBytes(png_structp png, png_bytep data, size_t size) {
@@ -81,13 +83,19 @@ bool ReadRows(ReadSession* session, png_bytepp rows) {
   return true;
 }
 
-bool WriteImage(WriteSession* session,
-                std::FILE* file,
-                int width,
-                int height,
-                png_bytepp rows) {
+void WriteBytes(png_structp png, png_bytep data, size_t size) {
+  auto* session = static_cast<WriteSession*>(png_get_io_ptr(png));
+  try {
+    session->bytes.append(reinterpret_cast<const char*>(data), size);
+  } catch (const std::bad_alloc&) {
+    session->bytes.clear();
+  }
+  if (session->bytes.empty()) png_error(png, "out of memory");
+}
+
+bool WriteImage(WriteSession* session, int width, int height, png_bytepp rows) {
   if (setjmp(png_jmpbuf(session->png))) return false;
-  png_init_io(session->png, file);
+  png_set_write_fn(session->png, session, WriteBytes, nullptr);
   png_set_IHDR(session->png,
                session->info,
                width,
@@ -145,26 +153,19 @@ DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth) {
   return grid;
 }
 
-void WritePng16(const std::string& path,
-                int width,
-                int height,
-                const std::vector<uint16_t>& values) {
+std::string FormatPng16(int width,
+                        int height,
+                        const std::vector<uint16_t>& values) {
   std::vector<uint8_t> pixels(2 * values.size());
   for (size_t i = 0; i < values.size(); ++i) {
     boost::endian::store_big_u16(&pixels[2 * i], values[i]);
   }
   std::vector<png_bytep> rows = FindRows(&pixels, height);
-
-  std::FILE* file = std::fopen(path.c_str(), "wb");
-  if (file == nullptr) {
-    throw std::runtime_error(path + ": " + std::strerror(errno));
-  }
   WriteSession session;
-  const bool is_written =
-      WriteImage(&session, file, width, height, rows.data());
-  const bool is_closed = std::fclose(file) == 0;
-  if (!is_written) throw std::runtime_error(path + ": " + session.error);
-  if (!is_closed) throw std::runtime_error(path + ": " + std::strerror(errno));
+  if (!WriteImage(&session, width, height, rows.data())) {
+    throw std::runtime_error("PNG: " + session.error);
+  }
+  return std::move(session.bytes);
 }
 
 }  // namespace dgsfm::internal

@@ -7,11 +7,28 @@
 
 #include <colmap/base/camera_models.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <unordered_set>
 
 namespace dgsfm {
+
+static_assert(std::is_same_v<std::vector<Eigen::Quaterniond>::allocator_type,
+                             std::allocator<Eigen::Quaterniond>>,
+              "COLMAP must have patches/colmap-3.8/0004 in it: its own "
+              "std::vector is not that of files without its headers");
+
 namespace {
+
+// Beyond these numbers overflow what is computed of them, and no camera is.
+constexpr int64_t kMaxImageSize = 1000000;  // [px]
+constexpr double kMaxCameraParam = 1e12;
+constexpr double kMinFocalLength = 1e-3;   // [px]
+constexpr double kMaxCoordinatePx = 1e12;  // of key points
 
 // Sensor type of cameras in the tables rigs and rig_sensors.
 constexpr char kMultiCameraRigQuery[] =
@@ -60,9 +77,9 @@ std::vector<Eigen::Vector2d> ReadPoints(const SqliteConnection& connection,
   points.reserve(num_rows);
   for (int64_t i = 0; i < num_rows; ++i) {
     points.emplace_back(data[num_cols * i], data[num_cols * i + 1]);
-    if (!points.back().allFinite()) {
+    if (!(points.back().array().abs() <= kMaxCoordinatePx).all()) {
       throw connection.Error() << "image " << name << ": position of key point "
-                               << i << " is not finite";
+                               << i << " is not finite or too far away";
     }
   }
   return points;
@@ -152,7 +169,7 @@ class SceneReader {
     }
     const int64_t width = row.Int(2);
     const int64_t height = row.Int(3);
-    if (width <= 0 || height <= 0) {
+    if (width <= 0 || height <= 0 || std::max(width, height) > kMaxImageSize) {
       throw connection_.Error() << "camera " << camera_id << ": image size "
                                 << width << " x " << height;
     }
@@ -175,17 +192,31 @@ class SceneReader {
           << camera.ParamsInfo();
     }
     for (const double param : camera.Params()) {
-      if (!std::isfinite(param)) {
+      if (!(std::abs(param) <= kMaxCameraParam)) {
         throw connection_.Error()
-            << "camera " << camera.CameraId() << ": a parameter is not finite";
+            << "camera " << camera.CameraId() << ": parameter " << param
+            << " is not finite or too large";
       }
     }
     for (const size_t idx : camera.FocalLengthIdxs()) {
-      if (camera.Params(idx) <= 0) {
+      if (camera.Params(idx) < kMinFocalLength) {
         throw connection_.Error()
             << "camera " << camera.CameraId() << ": focal length "
-            << camera.Params(idx) << " is not positive";
+            << camera.Params(idx) << " is not positive or too small";
       }
+    }
+  }
+
+  // What is written in lines, or by programs in C, would break at these.
+  void CheckName(int64_t image_id, const std::string& name) {
+    if (name.empty() ||
+        name.find_first_of(std::string("\0\n\r", 3)) != std::string::npos) {
+      throw connection_.Error() << "image " << image_id
+                                << ": its name is empty or has a NUL or a "
+                                   "line break";
+    }
+    if (!names_.insert(name).second) {
+      throw connection_.Error() << "two images have the name " << name;
     }
   }
 
@@ -196,6 +227,7 @@ class SceneReader {
       const int64_t image_id = select.Int(0);
       const std::string name = select.Text(1);
       const int64_t camera_id = select.Int(2);
+      CheckName(image_id, name);
       if (image_id < 0 || image_id >= static_cast<int64_t>(kMaxNumImages)) {
         throw connection_.Error()
             << "image " << name << ": id " << image_id << " is out of range";
@@ -232,6 +264,7 @@ class SceneReader {
 
   const SqliteConnection& connection_;
   const size_t max_num_keypoints_;
+  std::unordered_set<std::string> names_;
   Scene scene_;
 };
 

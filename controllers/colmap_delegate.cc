@@ -98,8 +98,11 @@ int RunOrThrow(int argc, char** argv) {
   }
   const std::optional<std::string> colmap = FindColmap();
   if (name == "help" || name == "--help" || name == "-h") {
-    std::cout << CreateHelp(colmap) << std::flush;
-    return 0;
+    const Command help = {"help", "", [](int, char**) {
+                            std::cout << CreateHelp(FindColmap());
+                            return 0;
+                          }};
+    return RunCommand(help, argc, argv);
   }
   if (colmap) ExecColmap(*colmap, argv);
   std::cerr << "ERROR: " << name

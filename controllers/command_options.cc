@@ -1,11 +1,11 @@
 #include "controllers/command_options.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/output_file.h"
 
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <iostream>
 #include <map>
@@ -227,11 +227,7 @@ std::string CommandOptions::ProjectText() const {
 }
 
 void CommandOptions::WriteProject(const std::string& path) const {
-  const std::string text = ProjectText();
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) throw std::runtime_error("cannot write project file " + path);
+  WriteFile(path, ProjectText());
 }
 
 }  // namespace dgsfm

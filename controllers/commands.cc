@@ -3,6 +3,7 @@
 #include <exception>
 #include <iostream>
 #include <new>
+#include <stdexcept>
 
 namespace dgsfm {
 
@@ -38,7 +39,11 @@ const std::vector<Command>& Commands() {
 
 int RunCommand(const Command& command, int argc, char** argv) {
   try {
-    return command.run(argc, argv);
+    const int exit_code = command.run(argc, argv);
+    if (!std::cout.flush()) {
+      throw std::runtime_error("cannot write to the standard output");
+    }
+    return exit_code;
   } catch (const std::bad_alloc&) {
     std::cerr << "ERROR: out of memory" << std::endl;
   } catch (const std::exception& error) {

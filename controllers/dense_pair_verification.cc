@@ -5,17 +5,28 @@
 #include "colmap_ext/match_reader.h"
 #include "colmap_ext/parallel.h"
 #include "controllers/progress.h"
+#include "sfm/pair_fingerprint.h"
 #include "sfm/view_graph.h"
 
+#include <functional>
 #include <mutex>
+#include <string>
 #include <utility>
 
 namespace dgsfm {
 
-PairGeometries VerifyDensePairs(const DepthGeometricVerifierOptions& options,
-                                const Scene& scene,
-                                std::vector<StageReport>* stages) {
-  StageTimer timer("pair_verification");
+namespace {
+
+using Function = std::function<void(colmap::image_pair_t pair_id,
+                                    const PairImage& image1,
+                                    const PairImage& image2,
+                                    const colmap::FeatureMatches& matches)>;
+
+// Calls a function, from several threads, for all pairs with all matches and
+// key points of the database.
+void ForEachWholePair(const DepthGeometricVerifierOptions& options,
+                      const Scene& scene,
+                      const Function& function) {
   const SqliteConnection connection(options.database_path,
                                     SqliteConnection::Mode::READ_ONLY);
   MatchReader reader(connection, scene);
@@ -25,15 +36,13 @@ PairGeometries VerifyDensePairs(const DepthGeometricVerifierOptions& options,
     return CreatePairImage(
         scene, image.image, image.depths ? &*image.depths : nullptr);
   };
-  PairGeometries pairs;
-  std::vector<std::pair<colmap::image_pair_t, PairGeometry*>> work;
+  std::vector<colmap::image_pair_t> pair_ids;
   for (const auto& [pair_id, matches] : scene.matches) {
-    work.emplace_back(pair_id, &pairs[pair_id]);
+    pair_ids.push_back(pair_id);
   }
-  Progress progress("Verifying pairs", work.size());
   // By id, so that images are read once for many pairs.
-  ParallelFor(work.size(), options.verification.num_threads, [&](size_t i) {
-    const auto [pair_id, pair] = work[i];
+  ParallelFor(pair_ids.size(), options.verification.num_threads, [&](size_t i) {
+    const colmap::image_pair_t pair_id = pair_ids[i];
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     colmap::FeatureMatches matches;
     {
@@ -42,16 +51,51 @@ PairGeometries VerifyDensePairs(const DepthGeometricVerifierOptions& options,
     }
     const auto image1 = features.Get(image_id1);
     const auto image2 = features.Get(image_id2);
-    *pair = VerifyPair(pair_image(*image1),
-                       pair_image(*image2),
-                       matches,
-                       options.verification);
-    RestrictInliers(scene.kept_keypoints, pair_id, pair);
-    pair->num_matches = scene.matches.at(pair_id).size();
-    progress.Step();
+    function(pair_id, pair_image(*image1), pair_image(*image2), matches);
   });
+}
+
+}  // namespace
+
+PairGeometries VerifyDensePairs(const DepthGeometricVerifierOptions& options,
+                                const Scene& scene,
+                                std::vector<StageReport>* stages) {
+  StageTimer timer("pair_verification");
+  PairGeometries pairs;
+  for (const auto& [pair_id, matches] : scene.matches) pairs[pair_id];
+  Progress progress("Verifying pairs", pairs.size());
+  ForEachWholePair(options,
+                   scene,
+                   [&](colmap::image_pair_t pair_id,
+                       const PairImage& image1,
+                       const PairImage& image2,
+                       const colmap::FeatureMatches& matches) {
+                     PairGeometry& pair = pairs.at(pair_id);
+                     pair = VerifyPair(
+                         image1, image2, matches, options.verification);
+                     RestrictInliers(scene.kept_keypoints, pair_id, &pair);
+                     pair.num_matches = scene.matches.at(pair_id).size();
+                     progress.Step();
+                   });
   timer.Add(CountPairs(pairs)).Finish(stages);
   return pairs;
+}
+
+std::map<colmap::image_pair_t, uint64_t> PairFingerprints(
+    const DepthGeometricVerifierOptions& options, const Scene& scene) {
+  const std::string options_text = VerificationText(options.verification);
+  std::map<colmap::image_pair_t, uint64_t> fingerprints;
+  for (const auto& [pair_id, matches] : scene.matches) fingerprints[pair_id];
+  ForEachWholePair(options,
+                   scene,
+                   [&](colmap::image_pair_t pair_id,
+                       const PairImage& image1,
+                       const PairImage& image2,
+                       const colmap::FeatureMatches& matches) {
+                     fingerprints.at(pair_id) =
+                         PairFingerprint(image1, image2, matches, options_text);
+                   });
+  return fingerprints;
 }
 
 }  // namespace dgsfm

@@ -4,6 +4,8 @@
 
 #include "controllers/depth_geometric_verifier.h"
 
+#include <cstdint>
+#include <map>
 #include <vector>
 
 namespace dgsfm {
@@ -15,5 +17,10 @@ namespace dgsfm {
 PairGeometries VerifyDensePairs(const DepthGeometricVerifierOptions& options,
                                 const Scene& scene,
                                 std::vector<StageReport>* stages);
+
+// What the stored geometry of each pair of the scene has as its fingerprint if
+// it still holds with these options and in this version of the program.
+std::map<colmap::image_pair_t, uint64_t> PairFingerprints(
+    const DepthGeometricVerifierOptions& options, const Scene& scene);
 
 }  // namespace dgsfm

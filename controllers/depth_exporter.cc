@@ -4,6 +4,7 @@
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/depth_map_io.h"
 #include "colmap_ext/depth_undistortion.h"
+#include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/output_folder.h"
@@ -38,6 +39,7 @@ void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
       if (depth <= 0) continue;
       depth = static_cast<float>(alignment.Apply(
           (x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height, depth));
+      if (!std::isfinite(depth)) depth = 0;
     }
   }
 }
@@ -210,16 +212,9 @@ class Exporter {
           UndistortDepth(depth_map, *job.camera, *job.undistorted_camera);
     }
     const fs::path path =
-        fs::path(output_path_) / FileName(job.name, options_.format);
+        PathInside(output_path_, FileName(job.name, options_.format));
     CreateOutputFolder(path.parent_path().string());
-    try {
-      WriteMap(path.string(), depth_map);
-    } catch (const std::runtime_error&) {
-      // No part of a map, which the next program would trip over.
-      std::error_code ignored;
-      fs::remove(path, ignored);
-      throw;
-    }
+    WriteMap(path.string(), depth_map);
   }
 
   void WriteMap(const std::string& path, const DepthMap& depth_map) const {
@@ -266,8 +261,8 @@ class Exporter {
                           {"scale_residual", image.alignment->scale_residual},
                           {"residual", image.alignment->residual}};
     }
-    WriteTextFile((fs::path(output_path_) / "alignment.json").string(),
-                  json.dump(2) + "\n");
+    WriteFile((fs::path(output_path_) / "alignment.json").string(),
+              JsonText(json, 2) + "\n");
   }
 
   const std::string database_path_;

@@ -95,14 +95,6 @@ void BindVerification(PairVerificationOptions* options,
       "num_threads", &options->num_threads, "threads, -1 = all cores");
 }
 
-// All options that change results, with their values.
-std::string VerificationText(PairVerificationOptions options) {
-  options.num_threads = -1;
-  CommandOptions command_options("", "");
-  BindVerification(&options, &command_options);
-  return command_options.ProjectText();
-}
-
 // One run over a database.
 class DatabaseVerifier {
  public:
@@ -231,6 +223,13 @@ bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
                      "checkpoint_interval_s must be >= 0",
                      checkpoint_interval_s,
                      error);
+}
+
+std::string VerificationText(PairVerificationOptions options) {
+  options.num_threads = -1;
+  CommandOptions command_options("", "");
+  BindVerification(&options, &command_options);
+  return command_options.ProjectText();
 }
 
 void BindOptions(DepthGeometricVerifierOptions* options,

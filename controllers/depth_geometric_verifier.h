@@ -36,6 +36,10 @@ void BindOptions(DepthGeometricVerifierOptions* options,
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
                              CommandOptions* command_options);
 
+// All options that change results, with their values: what the fingerprints of
+// stored pairs have of them.
+std::string VerificationText(PairVerificationOptions options);
+
 // Depths of the key points that are kept; none, with a warning, where there are
 // no priors or they are not to be used.
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,

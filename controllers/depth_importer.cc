@@ -4,6 +4,7 @@
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/fnv_hash.h"
 #include "colmap_ext/image_orientation.h"
+#include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/depth_file_search.h"
@@ -196,7 +197,7 @@ void ReadOrientations(const Scene& scene,
                       std::map<colmap::image_t, DepthFile>* file_of_image) {
   for (auto& [image_id, file] : *file_of_image) {
     file.orientation = ReadExifOrientation(
-        (fs::path(image_path) / scene.images.at(image_id).Name()).string());
+        PathInside(image_path, scene.images.at(image_id).Name()));
   }
 }
 

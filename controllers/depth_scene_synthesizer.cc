@@ -3,6 +3,9 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/depth_map_io.h"
+#include "colmap_ext/model_writer.h"
+#include "colmap_ext/output_file.h"
+#include "colmap_ext/picture_file.h"
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "colmap_ext/synthetic/town_scene.h"
@@ -13,9 +16,9 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <map>
+#include <sstream>
 #include <stdexcept>
 #include <vector>
 
@@ -49,18 +52,13 @@ void CreateFolder(const fs::path& path) {
 void WriteTruth(const fs::path& path,
                 const colmap::Reconstruction& model,
                 const std::map<std::string, double>& depth_scales) {
-  // COLMAP aborts where it cannot write.
-  const fs::path scales_path = path / "depth_scales.txt";
-  std::ofstream file(scales_path);
-  file.precision(17);
+  std::ostringstream text;
+  text.precision(17);
   for (const auto& [name, scale] : depth_scales) {
-    file << name << " " << scale << "\n";
+    text << name << " " << scale << "\n";
   }
-  file.close();
-  if (!file) {
-    throw std::runtime_error("cannot write '" + scales_path.string() + "'");
-  }
-  model.WriteText(path.string());
+  WriteFile((path / "depth_scales.txt").string(), text.str());
+  WriteModel(model, path.string());
 }
 
 void WriteObservations(const SyntheticScene& scene, const fs::path& path) {
@@ -139,10 +137,7 @@ void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {
                                          CamFromWorld(image),
                                          options.num_threads);
     const fs::path image_path = output_path / "images" / image.Name();
-    if (!rendered.bitmap.Write(
-            image_path.string(), FIF_JPEG, JPEG_QUALITYSUPERB)) {
-      throw std::runtime_error("cannot write '" + image_path.string() + "'");
-    }
+    WritePicture(image_path.string(), rendered.bitmap);
     AddDepthErrors(scene.depth_noise,
                    model.Camera(image.CameraId()),
                    scales[i],

@@ -1,12 +1,13 @@
 #include "controllers/global_depth_mapper.h"
 
+#include "colmap_ext/colmap_schema.h"
 #include "colmap_ext/depth_database.h"
 #include "colmap_ext/image_orientation.h"
-#include "colmap_ext/match_reader.h"
+#include "colmap_ext/model_writer.h"
+#include "colmap_ext/output_file.h"
 #include "controllers/commands.h"
 #include "controllers/dense_pair_verification.h"
 #include "controllers/mapper_report.h"
-#include "controllers/output_folder.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 
@@ -22,13 +23,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kProjectFile[] = "project.ini";
 constexpr char kReportFile[] = "report.json";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   size_t num_missing = 0;
   std::string first_missing;
   for (const auto& [image_id, image] : scene.images) {
-    if (fs::exists(fs::path(image_path) / image.Name())) continue;
+    if (fs::exists(PathInside(image_path, image.Name()))) continue;
     if (num_missing++ == 0) first_missing = image.Name();
   }
   if (num_missing > 0) {
@@ -46,13 +48,27 @@ void ReadExif(const std::string& image_path, Scene* scene) {
         scene->exif.count(camera_id) > 0) {
       continue;
     }
-    const std::string path = (fs::path(image_path) / image.Name()).string();
+    const std::string path = PathInside(image_path, image.Name());
     try {
       scene->exif[camera_id] = ReadImageExif(path);
     } catch (const std::runtime_error& error) {
       LOG(WARNING) << "No EXIF data: " << error.what();
     }
   }
+}
+
+void WarnOfPosePriors(const GlobalDepthMapperOptions& options) {
+  const std::string& path = options.verifier.database_path;
+  const int64_t num_priors = CountPosePriors(
+      SqliteConnection(path, SqliteConnection::Mode::READ_ONLY));
+  if (num_priors == 0) return;
+  LOG(WARNING) << path << " has pose priors of " << num_priors
+               << " images, which are not used. To bring a model to their "
+                  "frame: colmap model_aligner --input_path "
+               << options.output_path
+               << "/0 --output_path ALIGNED --database_path " << path
+               << " --alignment_type enu --ref_is_gps 1 (for positions that "
+                  "are no GPS: --alignment_type custom --ref_is_gps 0)";
 }
 
 // Maps of images turned by a quarter have another shape, and were refused.
@@ -65,7 +81,7 @@ void WarnOfTurnedImages(const std::string& image_path,
     const colmap::Camera& camera = scene.cameras.at(image.CameraId());
     try {
       const int orientation =
-          ReadExifOrientation((fs::path(image_path) / image.Name()).string());
+          ReadExifOrientation(PathInside(image_path, image.Name()));
       const bool has_other_shape =
           orientation >= 5 && camera.Width() != camera.Height();
       if (orientation != 1 && !has_other_shape) names.push_back(image.Name());
@@ -91,9 +107,14 @@ GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
 bool GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
+  RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
+  CommandOptions command_options("", "");
+  BindOptions(&options_, &command_options);
+  command_options.WriteProject(folder.StagedFile(kProjectFile));
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
+  WarnOfPosePriors(options_);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
@@ -113,11 +134,9 @@ bool GlobalDepthMapper::Run() {
       options_.mapper, options_.verifier.verification, scene, depths, scores);
   DepthGlobalMapperResult result = mapper.Run(&pairs);
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
-  WriteModels(&result);
-  WriteMapperReport((fs::path(options_.output_path) / kReportFile).string(),
-                    scene,
-                    pairs,
-                    result);
+  StageModels(folder, &result);
+  WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
+  folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
   size_t num_registered = 0;
@@ -144,53 +163,73 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
                            DepthDatabase::Mode::READ_ONLY)
                  .ReadPairGeometries(scene.kept_keypoints);
   }
-  if (!stored.empty()) return CheckedPairs(scene, std::move(stored));
-  if (scene.kept_keypoints.empty()) {
-    return VerifyScenePairs(
-        scene, depths, options_.verifier.verification, stages);
-  }
-  return VerifyDensePairs(options_.verifier, scene, stages);
+  if (!stored.empty()) return CheckedPairs(scene, depths, stored, stages);
+  return Verify(scene, depths, stages);
 }
 
-PairGeometries GlobalDepthMapper::CheckedPairs(const Scene& scene,
-                                               PairGeometries stored) const {
-  const SqliteConnection connection(options_.verifier.database_path,
-                                    SqliteConnection::Mode::READ_ONLY);
-  MatchReader reader(connection, scene);
+PairGeometries GlobalDepthMapper::Verify(
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    std::vector<StageReport>* stages) const {
+  return scene.kept_keypoints.empty()
+             ? VerifyScenePairs(
+                   scene, depths, options_.verifier.verification, stages)
+             : VerifyDensePairs(options_.verifier, scene, stages);
+}
+
+PairGeometries GlobalDepthMapper::CheckedPairs(
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    const PairGeometries& stored,
+    std::vector<StageReport>* stages) const {
+  const auto pair_name = [&](colmap::image_pair_t pair_id) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    return scene.images.at(image_id1).Name() + ", " +
+           scene.images.at(image_id2).Name();
+  };
+  const auto fingerprints = PairFingerprints(options_.verifier, scene);
   PairGeometries pairs;
+  std::vector<colmap::image_pair_t> stale;
   for (const auto& [pair_id, matches] : scene.matches) {
-    const size_t num_matches = scene.kept_keypoints.empty()
-                                   ? matches.size()
-                                   : reader.Read(pair_id).size();
     const auto it = stored.find(pair_id);
-    if (it == stored.end() || it->second.num_matches != num_matches) {
-      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-      throw std::runtime_error(options_.verifier.database_path + ": the pair " +
-                               scene.images.at(image_id1).Name() + ", " +
-                               scene.images.at(image_id2).Name() +
-                               " is not verified as it is matched now: run "
-                               "depth_geometric_verifier");
+    if (it == stored.end()) {
+      throw std::runtime_error(
+          options_.verifier.database_path + ": the pair " + pair_name(pair_id) +
+          " is not verified, as others are: run depth_geometric_verifier");
     }
-    pairs[pair_id] = std::move(it->second);
+    if (it->second.fingerprint != fingerprints.at(pair_id)) {
+      stale.push_back(pair_id);
+      continue;
+    }
+    pairs[pair_id] = it->second;
     pairs[pair_id].num_matches = matches.size();
   }
   LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
             << options_.verifier.database_path;
+  if (stale.empty()) return pairs;
+  LOG(WARNING) << stale.size() << " verified pairs of the database, e.g. "
+               << pair_name(stale.front())
+               << ", are of other matches, depths or options, or of another "
+                  "version of this program: they are verified again";
+  Scene stale_scene = scene;
+  stale_scene.matches.clear();
+  for (const colmap::image_pair_t pair_id : stale) {
+    stale_scene.matches[pair_id] = scene.matches.at(pair_id);
+  }
+  pairs.merge(Verify(stale_scene, depths, stages));
   return pairs;
 }
 
-void GlobalDepthMapper::WriteModels(DepthGlobalMapperResult* result) {
+void GlobalDepthMapper::StageModels(const RunFolder& folder,
+                                    DepthGlobalMapperResult* result) {
   StageTimer timer("write_models");
   for (size_t i = 0; i < result->models.size(); ++i) {
-    const std::string path =
-        (fs::path(options_.output_path) / std::to_string(i)).string();
-    CreateOutputFolder(path);
     if (!options_.image_path.empty()) {
       ExtractPointColors(options_.image_path,
                          options_.mapper.num_threads,
                          result->models[i].get());
     }
-    result->models[i]->Write(path);
+    WriteModel(*result->models[i], folder.StagedModel(i));
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);
@@ -215,19 +254,21 @@ void GlobalDepthMapper::WritePairStatuses(const PairGeometries& pairs) const {
 
 int RunDepthGlobalMapper(int argc, char** argv) {
   GlobalDepthMapperOptions options;
-  options.paper = RequestsPaperPreset(argc, argv);
-  if (options.paper) ApplyPaperPreset(&options);
-  CommandOptions command_options(
-      "depth_global_mapper",
-      "Reconstructs a database with depth priors by global "
-      "structure from motion.");
-  BindOptions(&options, &command_options);
-  if (const auto exit_code = command_options.Parse(argc, argv)) {
-    return *exit_code;
+  // The preset, read first, sets the defaults of the other options.
+  for (int pass = 0; pass < 2; ++pass) {
+    const bool is_paper = options.paper;
+    options = GlobalDepthMapperOptions();
+    options.paper = is_paper;
+    if (is_paper) ApplyPaperPreset(&options);
+    CommandOptions command_options(
+        "depth_global_mapper",
+        "Reconstructs a database with depth priors by global "
+        "structure from motion.");
+    BindOptions(&options, &command_options);
+    if (const auto exit_code = command_options.Parse(argc, argv)) {
+      return *exit_code;
+    }
   }
-  CreateOutputFolder(options.output_path);
-  command_options.WriteProject(
-      (fs::path(options.output_path) / "project.ini").string());
   if (GlobalDepthMapper(options).Run()) return 0;
   std::cerr << "ERROR: no model could be reconstructed, see "
             << (fs::path(options.output_path) / kReportFile).string()

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "controllers/global_depth_mapper_options.h"
+#include "controllers/output_folder.h"
 
 #include <vector>
 
@@ -21,9 +22,16 @@ class GlobalDepthMapper {
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages);
-  // Of all pairs of the scene; those of stale pairs throw.
-  PairGeometries CheckedPairs(const Scene& scene, PairGeometries stored) const;
-  void WriteModels(DepthGlobalMapperResult* result);
+  PairGeometries Verify(const Scene& scene,
+                        const KeypointDepthMap& depths,
+                        std::vector<StageReport>* stages) const;
+  // Of all pairs of the scene. Where one is not stored this throws; those that
+  // do not hold any more are verified again.
+  PairGeometries CheckedPairs(const Scene& scene,
+                              const KeypointDepthMap& depths,
+                              const PairGeometries& stored,
+                              std::vector<StageReport>* stages) const;
+  void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
   void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;

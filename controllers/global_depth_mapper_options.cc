@@ -213,9 +213,11 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->use_exif,
                        "whether focal length and camera that EXIF data name "
                        "count where no prior focal length is given");
-  command_options->AddRequired("output_path",
-                               &options->output_path,
-                               "folder of the models, created if missing");
+  command_options->AddRequired(
+      "output_path",
+      &options->output_path,
+      "folder of the models, created if missing; models of "
+      "an earlier run in it are replaced");
   command_options->Add("pair_scores_path",
                        &options->pair_scores_path,
                        "pair scores (Doppelgangers++), lines 'name1 name2 "
@@ -275,17 +277,6 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   adjustment.intrinsics.refine_focal_length = true;
   adjustment.intrinsics.refine_extra_params = false;
   adjustment.intrinsics.refine_principal_point = false;
-}
-
-bool RequestsPaperPreset(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "--paper=1") return true;
-    if (argument == "--paper" && i + 1 < argc) {
-      return std::string(argv[i + 1]) == "1";
-    }
-  }
-  return false;
 }
 
 }  // namespace dgsfm

@@ -39,8 +39,4 @@ void BindOptions(GlobalDepthMapperOptions* options,
 // does not have.
 void ApplyPaperPreset(GlobalDepthMapperOptions* options);
 
-// Whether --paper is switched on: the preset changes defaults, which have to
-// be known before the other options are read.
-bool RequestsPaperPreset(int argc, char** argv);
-
 }  // namespace dgsfm

@@ -1,8 +1,9 @@
 #include "controllers/mapper_report.h"
 
+#include "colmap_ext/output_file.h"
+#include "controllers/output_folder.h"
+
 #include <cmath>
-#include <fstream>
-#include <stdexcept>
 
 #include <nlohmann/json.hpp>
 
@@ -96,7 +97,7 @@ std::string PairLines(const Scene& scene,
     if (readmitted != result.readmitted_pairs.end()) {
       entry["readmitted_from"] = PairStatusName(readmitted->second);
     }
-    lines += (lines.empty() ? "\n    " : ",\n    ") + entry.dump();
+    lines += (lines.empty() ? "\n    " : ",\n    ") + JsonText(entry, -1);
   }
   return lines;
 }
@@ -123,12 +124,11 @@ void WriteMapperReport(const std::string& path,
   }
   report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result);
-  std::string text = report.dump(2);
+  std::string text = JsonText(report, 2);
   text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
-  std::ofstream file(path);
-  file << text << ",\n  \"view_graph\": [" << PairLines(scene, pairs, result)
-       << "\n  ]\n}" << std::endl;
-  if (!file) throw std::runtime_error("cannot write " + path);
+  WriteFile(path,
+            text + ",\n  \"view_graph\": [" + PairLines(scene, pairs, result) +
+                "\n  ]\n}\n");
 }
 
 }  // namespace dgsfm

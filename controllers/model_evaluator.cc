@@ -1,10 +1,11 @@
 #include "controllers/model_evaluator.h"
 
 #include "colmap_ext/model_io.h"
+#include "colmap_ext/output_file.h"
 #include "controllers/command_options.h"
 #include "controllers/commands.h"
+#include "controllers/output_folder.h"
 
-#include <fstream>
 #include <iomanip>
 #include <iostream>
 #include <map>
@@ -49,13 +50,6 @@ std::string ThresholdName(double threshold) {
   std::ostringstream name;
   name << threshold;
   return name.str();
-}
-
-void WriteJson(const ModelEvaluation& evaluation, const std::string& path) {
-  std::ofstream file(path);
-  file << ToJson(evaluation).dump(2) << "\n";
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path);
 }
 
 }  // namespace
@@ -149,7 +143,9 @@ int RunModelEvaluator(int argc, char** argv) {
   const ModelEvaluation evaluation =
       EvaluateModel(input_path, ground_truth_path, *thresholds);
   std::cout << ToText(evaluation) << std::flush;
-  if (!json_path.empty()) WriteJson(evaluation, json_path);
+  if (!json_path.empty()) {
+    WriteFile(json_path, JsonText(ToJson(evaluation), 2) + "\n");
+  }
   return 0;
 }
 

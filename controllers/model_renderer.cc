@@ -1,6 +1,7 @@
 #include "controllers/model_renderer.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/picture_file.h"
 #include "controllers/command_options.h"
 #include "controllers/commands.h"
 
@@ -374,9 +375,7 @@ int RunModelRenderer(int argc, char** argv) {
   if (images.empty()) throw std::runtime_error(folder + " has no images");
   const colmap::Bitmap bitmap = RenderModel(
       images, ReadModelCameras(folder), ReadModelPoints(folder), width, height);
-  if (!bitmap.Write(output_path)) {
-    throw std::runtime_error("cannot write " + output_path);
-  }
+  WritePicture(output_path, bitmap);
   std::cout << "Picture: " << output_path << std::endl;
   return 0;
 }

@@ -1,12 +1,42 @@
 #include "controllers/output_folder.h"
 
+#include "colmap_ext/output_file.h"
+
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
 
 namespace dgsfm {
+namespace {
 
 namespace fs = std::filesystem;
+
+// Readers of models take no folder for one whose name begins with a dot.
+constexpr char kStaging[] = ".dgsfm_partial";
+constexpr char kManifest[] = ".dgsfm_manifest";
+
+bool IsModelName(const std::string& name) {
+  return !name.empty() &&
+         name.find_first_not_of("0123456789") == std::string::npos;
+}
+
+// Files at a path, itself or in the folder that it is, relative to the root.
+std::set<std::string> ListFiles(const fs::path& path, const fs::path& root) {
+  if (!fs::is_directory(fs::symlink_status(path))) {
+    return {path.lexically_relative(root).generic_string()};
+  }
+  std::set<std::string> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
+    files.merge(ListFiles(entry.path(), root));
+  }
+  return files;
+}
+
+std::vector<fs::path> ListEntries(const fs::path& folder) {
+  return {fs::directory_iterator(folder), fs::directory_iterator()};
+}
+
+}  // namespace
 
 void CreateOutputFolder(const std::string& path) {
   std::error_code error;
@@ -17,11 +47,89 @@ void CreateOutputFolder(const std::string& path) {
   }
 }
 
-void WriteTextFile(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path);
+RunFolder::RunFolder(const std::string& path,
+                     const std::vector<std::string>& files)
+    : path_(path),
+      files_(files.begin(), files.end()),
+      staging_path_((fs::path(path) / kStaging).string()) {
+  CreateOutputFolder(path_);
+  std::ifstream manifest(fs::path(path_) / kManifest);
+  for (std::string file; std::getline(manifest, file);) {
+    if (IsOutput(file.substr(0, file.find('/')))) manifest_.insert(file);
+  }
+  CheckOthersFiles();
+  fs::remove_all(staging_path_);
+  CreateOutputFolder(staging_path_);
+}
+
+RunFolder::~RunFolder() {
+  std::error_code ignored;
+  if (!is_publishing_) fs::remove_all(staging_path_, ignored);
+}
+
+std::string RunFolder::StagedFile(const std::string& name) const {
+  return (fs::path(staging_path_) / name).string();
+}
+
+std::string RunFolder::StagedModel(size_t index) const {
+  const std::string path = StagedFile(std::to_string(index));
+  CreateOutputFolder(path);
+  return path;
+}
+
+void RunFolder::Publish() {
+  is_publishing_ = true;
+  CheckOthersFiles();
+  const std::set<std::string> files = ListFiles(staging_path_, staging_path_);
+  std::set<std::string> files_of_both = manifest_;
+  files_of_both.insert(files.begin(), files.end());
+  WriteManifest(files_of_both);
+  std::set<std::string> names;
+  for (const fs::path& staged : ListEntries(staging_path_)) {
+    const std::string name = staged.filename().string();
+    names.insert(name);
+    const std::string target = (fs::path(path_) / name).string();
+    if (fs::is_directory(staged)) {
+      ReplaceFolder(staged.string(), target);
+    } else {
+      fs::rename(staged, target);
+    }
+  }
+  // A model that is left from an earlier run goes whole as well.
+  for (const std::string& file : manifest_) {
+    const std::string name = file.substr(0, file.find('/'));
+    const fs::path path = fs::path(path_) / name;
+    if (names.count(name) == 0 && fs::exists(fs::symlink_status(path))) {
+      fs::rename(path, StagedFile(name + ".stale"));
+    }
+  }
+  WriteManifest(files);
+  fs::remove_all(staging_path_);
+}
+
+// Whether a run has its output at a name in the folder.
+bool RunFolder::IsOutput(const std::string& name) const {
+  return IsModelName(name) || files_.count(name) > 0;
+}
+
+void RunFolder::CheckOthersFiles() const {
+  for (const fs::path& entry : ListEntries(path_)) {
+    const std::string name = entry.filename().string();
+    if (!IsOutput(name)) continue;
+    for (const std::string& file : ListFiles(entry, path_)) {
+      if (manifest_.count(file) > 0) continue;
+      throw std::runtime_error(
+          (fs::path(path_) / file).string() +
+          " is in the way and was not written by an earlier run: move it away, "
+          "or choose another output folder");
+    }
+  }
+}
+
+void RunFolder::WriteManifest(const std::set<std::string>& files) const {
+  std::string text;
+  for (const std::string& file : files) text += file + "\n";
+  WriteFile((fs::path(path_) / kManifest).string(), text);
 }
 
 }  // namespace dgsfm

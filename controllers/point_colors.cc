@@ -1,6 +1,7 @@
 #include "controllers/point_colors.h"
 
 #include "colmap_ext/image_header.h"
+#include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
 #include "sfm/model_access.h"
 
@@ -8,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>
@@ -70,11 +70,11 @@ void ExtractPointColors(const std::string& image_path,
       colors(image_ids.size());
   ParallelFor(image_ids.size(), num_threads, [&](size_t i) {
     const colmap::Image& image = model->Image(image_ids[i]);
-    const std::string path =
-        (std::filesystem::path(image_path) / image.Name()).string();
     try {
-      colors[i] = ColorsInImage(
-          image, model->Camera(image.CameraId()), ReadForColors(path));
+      colors[i] =
+          ColorsInImage(image,
+                        model->Camera(image.CameraId()),
+                        ReadForColors(PathInside(image_path, image.Name())));
     } catch (const std::runtime_error& error) {
       LOG(WARNING) << "No colours: " << error.what();
     }

@@ -1,6 +1,7 @@
 #include "controllers/splatting_depth.h"
 
 #include "colmap_ext/depth_file_formats.h"
+#include "colmap_ext/output_file.h"
 #include "controllers/output_folder.h"
 
 #include <algorithm>
@@ -56,7 +57,8 @@ void WriteSplattingPng(const std::string& path,
         std::clamp(std::round(kNumSteps / (scale * depth)), 1.0, kMaxPixel);
     pixels.push_back(depth > 0 ? static_cast<uint16_t>(pixel) : 0);
   }
-  internal::WritePng16(path, depth_map.width, depth_map.height, pixels);
+  WriteFile(path,
+            internal::FormatPng16(depth_map.width, depth_map.height, pixels));
 }
 
 void WriteSplattingParameters(const std::string& folder,
@@ -65,12 +67,12 @@ void WriteSplattingParameters(const std::string& folder,
   for (const auto& [name, scale] : scales) {
     json[Key(name)] = {{"scale", scale}, {"offset", 0.0}};
     if (scale > 0) continue;
-    const fs::path path = fs::path(folder) / SplattingFileName(name);
+    const fs::path path = PathInside(folder, SplattingFileName(name));
     CreateOutputFolder(path.parent_path().string());
-    internal::WritePng16(path.string(), 1, 1, {0});
+    WriteFile(path.string(), internal::FormatPng16(1, 1, {0}));
   }
-  WriteTextFile((fs::path(folder) / "depth_params.json").string(),
-                json.dump(2) + "\n");
+  WriteFile((fs::path(folder) / "depth_params.json").string(),
+            JsonText(json, 2) + "\n");
 }
 
 }  // namespace dgsfm

@@ -107,9 +107,18 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
     const std::optional<ComponentRotations> rotations =
         AverageRotationsOf(image_ids, pairs);
     if (!rotations) continue;
-    components.insert(components.end(),
-                      rotations->other_parts.begin(),
-                      rotations->other_parts.end());
+    if (options_.multiple_models) {
+      components.insert(components.end(),
+                        rotations->other_parts.begin(),
+                        rotations->other_parts.end());
+    } else {
+      for (const ImageIds& part : rotations->other_parts) {
+        for (const colmap::image_t image_id : part) {
+          result_.unregistered_images[image_id] =
+              "not connected to the largest model";
+        }
+      }
+    }
     std::unique_ptr<colmap::Reconstruction> model = MapComponent(
         pairs, ImageIndex(rotations->image_ids), rotations->cam_from_world);
     if (model) result_.models.push_back(std::move(model));
@@ -324,6 +333,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
           success ? "its model has fewer than " +
                         std::to_string(options_.min_model_size) + " images"
                   : "the optimisation of its model failed";
+      result_.depth_scales.erase(image_id);
     }
     return nullptr;
   }
@@ -473,9 +483,14 @@ void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
                      model);
     const size_t num_filtered =
         FilterObservations(options_.refinement, 1.0, model);
-    timer.Add("observations_gained", double(num_gained))
-        .Add("rms_px", rms.value_or(0))
-        .Add("observations_filtered", double(num_filtered))
+    timer.Add("observations_gained", double(num_gained));
+    if (rms) {
+      timer.Add("rms_px", *rms);
+    } else {
+      LOG(WARNING) << "Bundle adjustment after the retriangulation failed";
+      timer.Add("adjustment_failed", 1);
+    }
+    timer.Add("observations_filtered", double(num_filtered))
         .Add("points", double(model->NumPoints3D()));
     timer.Finish(&result_.stages);
     const double num_observations = double(model->ComputeNumObservations());

@@ -6,58 +6,67 @@ namespace dgsfm {
 
 namespace {
 
-void AddImage(const Scene& scene,
-              const colmap::Image& image,
-              const KeypointDepthMap& depths,
-              FnvHash* hash) {
-  const colmap::Camera& camera = scene.cameras.at(image.CameraId());
-  hash->Add(image.CameraId());
-  hash->Add(camera.ModelId());
-  hash->Add(camera.Width());
-  hash->Add(camera.Height());
-  hash->AddAll(camera.Params());
-  hash->Add(camera.HasPriorFocalLength());
-  const auto prior = scene.focal_priors.find(image.CameraId());
-  if (prior != scene.focal_priors.end()) {
-    hash->Add(prior->second.focal_px);
-    hash->Add(prior->second.log_stddev);
-  }
-  const auto it = depths.find(image.ImageId());
-  hash->Add(it != depths.end());
-  if (it != depths.end()) hash->Add(it->second.focal_length_px);
+// To be raised whenever VerifyPair() gives another result for the same pair:
+// what an earlier version of the program has stored does not hold any more.
+constexpr uint32_t kVersion = 2;
+
+void AddImage(const PairImage& image, FnvHash* hash) {
+  hash->Add(image.image.CameraId());
+  hash->Add(image.camera.ModelId());
+  hash->Add(image.camera.Width());
+  hash->Add(image.camera.Height());
+  hash->AddAll(image.camera.Params());
+  hash->Add(image.camera.HasPriorFocalLength());
+  hash->Add(image.focal_prior.focal_px);
+  hash->Add(image.focal_prior.log_stddev);
+  hash->Add(image.depths != nullptr);
+  if (image.depths != nullptr) hash->Add(image.depths->focal_length_px);
 }
 
-void AddPoint(const colmap::Image& image,
-              const KeypointDepthMap& depths,
+void AddPoint(const PairImage& image,
               colmap::point2D_t point2D_idx,
               FnvHash* hash) {
   hash->Add(point2D_idx);
-  hash->Add(image.Point2D(point2D_idx).X());
-  hash->Add(image.Point2D(point2D_idx).Y());
-  const auto it = depths.find(image.ImageId());
-  if (it != depths.end()) hash->Add(it->second.depths.at(point2D_idx));
+  hash->Add(image.image.Point2D(point2D_idx).X());
+  hash->Add(image.image.Point2D(point2D_idx).Y());
+  if (image.depths != nullptr) {
+    hash->Add(image.depths->depths.at(point2D_idx));
+  }
 }
 
 }  // namespace
+
+uint64_t PairFingerprint(const PairImage& image1,
+                         const PairImage& image2,
+                         const colmap::FeatureMatches& matches,
+                         const std::string& options_text) {
+  FnvHash hash;
+  hash.Add(kVersion);
+  hash.AddAll(options_text);
+  AddImage(image1, &hash);
+  AddImage(image2, &hash);
+  hash.Add(matches.size());
+  for (const colmap::FeatureMatch& match : matches) {
+    AddPoint(image1, match.point2D_idx1, &hash);
+    AddPoint(image2, match.point2D_idx2, &hash);
+  }
+  return hash.Value();
+}
 
 uint64_t PairFingerprint(const Scene& scene,
                          const KeypointDepthMap& depths,
                          colmap::image_pair_t pair_id,
                          const colmap::FeatureMatches& matches,
                          const std::string& options_text) {
+  const auto pair_image = [&](colmap::image_t image_id) {
+    const auto it = depths.find(image_id);
+    return CreatePairImage(scene,
+                           scene.images.at(image_id),
+                           it == depths.end() ? nullptr : &it->second);
+  };
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  const colmap::Image& image1 = scene.images.at(image_id1);
-  const colmap::Image& image2 = scene.images.at(image_id2);
-  FnvHash hash;
-  hash.AddAll(options_text);
-  AddImage(scene, image1, depths, &hash);
-  AddImage(scene, image2, depths, &hash);
-  hash.Add(matches.size());
-  for (const colmap::FeatureMatch& match : matches) {
-    AddPoint(image1, depths, match.point2D_idx1, &hash);
-    AddPoint(image2, depths, match.point2D_idx2, &hash);
-  }
-  return hash.Value();
+  return PairFingerprint(
+      pair_image(image_id1), pair_image(image_id2), matches, options_text);
 }
 
 }  // namespace dgsfm

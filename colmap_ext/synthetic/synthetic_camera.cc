@@ -5,6 +5,7 @@
 
 #include <colmap/base/camera_models.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -13,6 +14,9 @@
 namespace dgsfm {
 
 namespace {
+
+constexpr int kMaxImageSize = 30000;
+constexpr double kMaxFocalLength = 1e6;
 
 constexpr uint32_t kFocalPurpose = 200;
 constexpr uint32_t kShapePurpose = 201;
@@ -74,12 +78,14 @@ bool SyntheticCameraOptions::IsValid(std::string* error) const {
     *error =
         "camera model = " + model_name +
         " must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV";
-  } else if (width_px < 8 || height_px < 8) {
+  } else if (std::min(width_px, height_px) < 8 ||
+             std::max(width_px, height_px) > kMaxImageSize) {
     *error = "image size = " + std::to_string(width_px) + " x " +
-             std::to_string(height_px) + " must be at least 8 x 8";
-  } else if (!(focal_length_px > 0)) {
+             std::to_string(height_px) + " must be from 8 to " +
+             std::to_string(kMaxImageSize) + " each way";
+  } else if (!(focal_length_px >= 1 && focal_length_px <= kMaxFocalLength)) {
     *error = "focal_length_px = " + std::to_string(focal_length_px) +
-             " must be positive";
+             " must be from 1 to " + std::to_string(kMaxFocalLength);
   } else if (!(max_distortion_offset >= 0 &&
                std::abs(radial_distortion) + max_distortion_offset <= 0.2)) {
     // Stronger distortion is not one-to-one in wide images.

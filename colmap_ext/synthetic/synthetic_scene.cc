@@ -224,8 +224,16 @@ bool SyntheticSceneOptions::IsValid(std::string* error) const {
              " must be in [0, 1)";
     return false;
   };
-  return check("num_images", num_images, 1) &&
-         check("num_points_per_image", num_points_per_image, 1) &&
+  // What one machine can hold, by far.
+  const auto check_count = [&](const char* name, int value, int min) {
+    constexpr int kMaxCount = 1000000;
+    if (value <= kMaxCount) return check(name, value, min);
+    *error = std::string(name) + " = " + std::to_string(value) +
+             " must be at most " + std::to_string(kMaxCount);
+    return false;
+  };
+  return check_count("num_images", num_images, 1) &&
+         check_count("num_points_per_image", num_points_per_image, 1) &&
          check("num_components", num_components, 1) &&
          check("num_images", num_images, num_components) &&
          check("image_noise_px", image_noise_px, 0) &&

@@ -2,15 +2,14 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
+#include "colmap_ext/sqlite.h"
 
-#include <colmap/base/database.h>
 #include <colmap/base/track.h>
 #include <colmap/estimators/fundamental_matrix.h>
 #include <colmap/estimators/two_view_geometry.h>
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -18,6 +17,39 @@
 namespace dgsfm {
 
 namespace {
+
+// As COLMAP 3.8 creates them. Its own class ends the program, with lines that
+// name no file, where a database cannot be written.
+constexpr char kTables[] = R"(
+CREATE TABLE cameras (
+  camera_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+  model INTEGER NOT NULL, width INTEGER NOT NULL, height INTEGER NOT NULL,
+  params BLOB, prior_focal_length INTEGER NOT NULL);
+CREATE TABLE images (
+  image_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+  name TEXT NOT NULL UNIQUE, camera_id INTEGER NOT NULL,
+  prior_qw REAL, prior_qx REAL, prior_qy REAL, prior_qz REAL,
+  prior_tx REAL, prior_ty REAL, prior_tz REAL,
+  CONSTRAINT image_id_check CHECK(image_id >= 0 and image_id < 2147483647),
+  FOREIGN KEY(camera_id) REFERENCES cameras(camera_id));
+CREATE UNIQUE INDEX index_name ON images(name);
+CREATE TABLE keypoints (
+  image_id INTEGER PRIMARY KEY NOT NULL,
+  rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB,
+  FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE descriptors (
+  image_id INTEGER PRIMARY KEY NOT NULL,
+  rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB,
+  FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE matches (
+  pair_id INTEGER PRIMARY KEY NOT NULL,
+  rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB);
+CREATE TABLE two_view_geometries (
+  pair_id INTEGER PRIMARY KEY NOT NULL,
+  rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB,
+  config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB, qvec BLOB, tvec BLOB);
+PRAGMA user_version = 3800;
+)";
 
 colmap::Camera CameraForMapper(const SyntheticScene& synthetic,
                                const colmap::Camera& truth) {
@@ -71,6 +103,88 @@ colmap::TwoViewGeometry VerifiedPair(const SyntheticScene& synthetic,
   }
   geometry.F = FundamentalEstimator::Estimate(xys1, xys2)[0];
   return geometry;
+}
+
+void WriteCamerasAndImages(const SyntheticScene& synthetic,
+                           const SqliteConnection& connection) {
+  SqliteStatement camera_row(
+      connection,
+      "INSERT INTO cameras(camera_id, model, width, height, params, "
+      "prior_focal_length) VALUES(?, ?, ?, ?, ?, ?)");
+  for (const auto& [camera_id, truth] : synthetic.cameras) {
+    const colmap::Camera camera = CameraForMapper(synthetic, truth);
+    camera_row.BindInt(1, camera_id)
+        .BindInt(2, camera.ModelId())
+        .BindInt(3, static_cast<int64_t>(camera.Width()))
+        .BindInt(4, static_cast<int64_t>(camera.Height()))
+        .BindBlob(5, camera.Params())
+        .BindInt(6, camera.HasPriorFocalLength())
+        .Run();
+  }
+  SqliteStatement image_row(
+      connection,
+      "INSERT INTO images(image_id, name, camera_id) VALUES(?, ?, ?)");
+  SqliteStatement keypoint_row(
+      connection,
+      "INSERT INTO keypoints(image_id, rows, cols, data) VALUES(?, ?, 6, ?)");
+  for (const auto& [image_id, image] : synthetic.images) {
+    image_row.BindInt(1, image_id)
+        .BindText(2, image.name)
+        .BindInt(3, image.camera_id)
+        .Run();
+    // With the affine shape of a feature of scale 1.
+    std::vector<float> values;
+    for (const Eigen::Vector2d& xy : image.keypoints) {
+      values.insert(values.end(), {float(xy.x()), float(xy.y()), 1, 0, 0, 1});
+    }
+    keypoint_row.BindInt(1, image_id)
+        .BindInt(2, static_cast<int64_t>(image.keypoints.size()))
+        .BindBlob(3, values)
+        .Run();
+  }
+}
+
+std::vector<uint32_t> FlattenMatches(const colmap::FeatureMatches& matches) {
+  std::vector<uint32_t> flat;
+  for (const colmap::FeatureMatch& match : matches) {
+    flat.insert(flat.end(), {match.point2D_idx1, match.point2D_idx2});
+  }
+  return flat;
+}
+
+void WritePairs(const SyntheticScene& synthetic,
+                const SqliteConnection& connection) {
+  SqliteStatement match_row(
+      connection,
+      "INSERT INTO matches(pair_id, rows, cols, data) VALUES(?, ?, 2, ?)");
+  SqliteStatement geometry_row(
+      connection,
+      "INSERT INTO two_view_geometries(pair_id, rows, cols, data, config, F, "
+      "E, H, qvec, tvec) VALUES(?, ?, 2, ?, ?, ?, ?, ?, ?, ?)");
+  for (const auto& [pair_id, pair] : synthetic.pairs) {
+    match_row.BindInt(1, static_cast<int64_t>(pair_id))
+        .BindInt(2, static_cast<int64_t>(pair.matches.size()))
+        .BindBlob(3, FlattenMatches(pair.matches))
+        .Run();
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const colmap::TwoViewGeometry geometry =
+        VerifiedPair(synthetic,
+                     pair,
+                     synthetic.images.at(image_id1),
+                     synthetic.images.at(image_id2));
+    // The database has rows after each other, Eigen columns.
+    const Eigen::Matrix3d F_rows = geometry.F.transpose();
+    geometry_row.BindInt(1, static_cast<int64_t>(pair_id))
+        .BindInt(2, static_cast<int64_t>(geometry.inlier_matches.size()))
+        .BindBlob(3, FlattenMatches(geometry.inlier_matches))
+        .BindInt(4, geometry.config)
+        .BindBytes(5, F_rows.data(), sizeof(F_rows))
+        .BindBytes(6, geometry.E.data(), sizeof(geometry.E))
+        .BindBytes(7, geometry.H.data(), sizeof(geometry.H))
+        .BindBytes(8, geometry.qvec.data(), sizeof(geometry.qvec))
+        .BindBytes(9, geometry.tvec.data(), sizeof(geometry.tvec))
+        .Run();
+  }
 }
 
 }  // namespace
@@ -151,33 +265,12 @@ void WriteSyntheticDatabase(const SyntheticScene& synthetic,
   if (std::filesystem::exists(path)) {
     throw std::runtime_error("'" + path + "' exists already");
   }
-  // COLMAP exits the process when it cannot open a database.
-  if (!std::ofstream(path)) {
-    throw std::runtime_error("cannot create '" + path + "'");
-  }
-  colmap::Database database(path);
-  const colmap::DatabaseTransaction transaction(&database);
-  for (const auto& [camera_id, camera] : synthetic.cameras) {
-    database.WriteCamera(CameraForMapper(synthetic, camera), true);
-  }
-  for (const auto& [image_id, image] : synthetic.images) {
-    database.WriteImage(ImageWithoutPose(image), true);
-    colmap::FeatureKeypoints keypoints;
-    for (const Eigen::Vector2d& xy : image.keypoints) {
-      keypoints.emplace_back(xy.x(), xy.y());
-    }
-    database.WriteKeypoints(image_id, keypoints);
-  }
-  for (const auto& [pair_id, pair] : synthetic.pairs) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    database.WriteMatches(image_id1, image_id2, pair.matches);
-    database.WriteTwoViewGeometry(image_id1,
-                                  image_id2,
-                                  VerifiedPair(synthetic,
-                                               pair,
-                                               synthetic.images.at(image_id1),
-                                               synthetic.images.at(image_id2)));
-  }
+  const SqliteConnection connection(path, SqliteConnection::Mode::CREATE);
+  SqliteTransaction transaction(connection, SqliteTransaction::Kind::WRITE);
+  connection.Execute(kTables);
+  WriteCamerasAndImages(synthetic, connection);
+  WritePairs(synthetic, connection);
+  transaction.Commit();
 }
 
 }  // namespace dgsfm

@@ -78,6 +78,36 @@ TEST(Hdf5File, ReadsGroupsAndArrays) {
   EXPECT_TRUE(file.Read("a.jpg", "depth").has_value());
 }
 
+TEST(Hdf5File, ReadsNoOtherFile) {
+  const std::string path = WriteFile();
+  if (path.empty()) GTEST_SKIP() << "no Python with h5py";
+  const std::string dir = std::filesystem::path(path).parent_path();
+  std::ofstream(dir + "/lead_out.py") << R"(
+import sys
+import h5py
+with h5py.File(sys.argv[1], 'a') as file:
+    layout = h5py.VirtualLayout(shape=(2,), dtype='f4')
+    layout[:] = h5py.VirtualSource('other.h5', 'depth', shape=(2,))
+    file.create_group('virtual').create_virtual_dataset('depth', layout)
+    file.create_group('link')['depth'] = h5py.ExternalLink('other.h5', 'depth')
+    file.create_group('external').create_dataset(
+        'depth', (2,), 'f4', external=[('other.raw', 0, 8)])
+with h5py.File(sys.argv[2], 'w') as file:
+    file['depth'] = [1., 2.]
+)";
+  std::ofstream(dir + "/other.raw") << "12345678";
+  ASSERT_EQ(std::system((DGSFM_PYTHON " " + dir + "/lead_out.py " + path + " " +
+                         dir + "/other.h5")
+                            .c_str()),
+            0);
+  const Hdf5File file(path);
+  for (const char* group : {"virtual", "link", "external"}) {
+    EXPECT_THAT([&] { file.Read(group, "depth"); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("another file")))
+        << group;
+  }
+}
+
 TEST(Hdf5File, SurvivesACrashOfTheReadingProcess) {
   const std::string path = WriteFile();
   if (path.empty()) GTEST_SKIP() << "no Python with h5py";

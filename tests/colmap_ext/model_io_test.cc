@@ -107,6 +107,8 @@ TEST_P(ModelIo, FindsModelOrSubFolders) {
   const std::string second = WriteModel(dir + "/1", GetParam(), 3);
   const std::string first = WriteModel(dir + "/0", GetParam(), 2);
   fs::create_directory(dir + "/other");
+  // What a run has not completed.
+  WriteModel(dir + "/.hidden", GetParam(), 4);
   EXPECT_THAT(FindModels(dir), testing::ElementsAre(first, second));
   EXPECT_THAT(FindModels(first), testing::ElementsAre(first));
   EXPECT_EQ(FindLargestModel(dir), second);
@@ -136,6 +138,7 @@ TEST(ModelIoText, MalformedLinesAreReportedWithTheirNumber) {
       {"1 1 0 0 0 1 2 3 7\n", "without name (line 1)"},
       {"\n1 1 0 0 zero 1 2 3 7 a\n", "malformed (line 2)"},
       {"1 0 0 0 0 1 2 3 7 a\n", "invalid pose (line 1)"},
+      {"1 1 0 0 0 1 1e200 3 7 a\n", "invalid pose (line 1)"},
       {"1 1 0 0 0 1 2 3 7 a\n\n2 1 0 0 0 1 2 3 7 a\n", "twice (line 3)"}};
   for (const auto& [text, problem] : cases) {
     std::ofstream(folder + "/images.txt") << text;
@@ -143,6 +146,10 @@ TEST(ModelIoText, MalformedLinesAreReportedWithTheirNumber) {
   }
   std::ofstream(folder + "/cameras.txt") << "1 EUCM 8 6 1 2 3 4 5 6\n";
   ExpectError([&] { ReadModelCameras(folder); }, "camera model");
+  std::ofstream(folder + "/cameras.txt") << "1 PINHOLE 2147483648 6 1 1 3 3\n";
+  ExpectError([&] { ReadModelCameras(folder); }, "2147483648 x 6 (line 1)");
+  std::ofstream(folder + "/cameras.txt") << "1 PINHOLE 8 0 1 1 3 3\n";
+  ExpectError([&] { ReadModelCameras(folder); }, "8 x 0 (line 1)");
 }
 
 TEST(ModelIoBinary, CountsBeyondTheFileAllocateNothing) {

@@ -209,6 +209,18 @@ TEST_P(SceneDatabaseTest, NamesCameraAtFault) {
       "UPDATE cameras SET params = CAST(zeroblob(24) || x'FFFFFFFFFFFFFFFF' "
       "AS BLOB) WHERE camera_id = 2");
   ExpectSceneFails(path_, {"camera 2", "not finite"});
+  // 1e200, and a focal length of 1e-310.
+  Execute(
+      "UPDATE cameras SET params = CAST(zeroblob(24) || x'5A62D7D718E77469' "
+      "AS BLOB) WHERE camera_id = 2");
+  ExpectSceneFails(path_, {"camera 2", "too large"});
+  Execute(
+      "UPDATE cameras SET params = "
+      "x'2BE6708B68120000000000000000F03F000000000000F03F0000000000000000' "
+      "WHERE camera_id = 2");
+  ExpectSceneFails(path_, {"camera 2", "too small"});
+  Execute("UPDATE cameras SET width = 2147483648 WHERE camera_id = 2");
+  ExpectSceneFails(path_, {"camera 2", "2147483648 x 600"});
   Execute("UPDATE cameras SET width = 0 WHERE camera_id = 2");
   ExpectSceneFails(path_, {"camera 2", "0 x 600"});
   Execute("UPDATE cameras SET width = 'wide' WHERE camera_id = 2");
@@ -230,6 +242,20 @@ TEST_P(SceneDatabaseTest, NamesImageAtFault) {
       "UPDATE keypoints SET cols = 2, data = CAST(zeroblob(12) || x'FFFFFFFF' "
       "AS BLOB) WHERE image_id = 2");
   ExpectSceneFails(path_, {"image b.jpg", "key point 1", "not finite"});
+  // A coordinate of 3e38.
+  Execute(
+      "UPDATE keypoints SET data = x'0000803F0000803FE6B1617F0000803F' "
+      "WHERE image_id = 2");
+  ExpectSceneFails(path_, {"image b.jpg", "key point 1", "too far away"});
+}
+
+TEST_P(SceneDatabaseTest, NamesImageWhoseNameBreaksFiles) {
+  for (const char* name :
+       {"''", "CAST(x'610062' AS TEXT)", "'a' || char(10)"}) {
+    Execute(std::string("UPDATE images SET name = ") + name +
+            " WHERE image_id = 2");
+    ExpectSceneFails(path_, {"image 2", "is empty or has a NUL"});
+  }
 }
 
 TEST_P(SceneDatabaseTest, NamesPairAtFault) {

@@ -1,9 +1,12 @@
 #include "controllers/commands.h"
 
+#include <cstdlib>
 #include <new>
 #include <stdexcept>
+#include <string>
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 
 namespace dgsfm {
 namespace {
@@ -20,6 +23,16 @@ TEST(RunCommand, PassesResultAndTranslatesExceptions) {
             Result(1, "ERROR: bad x\n"));
   EXPECT_EQ(run([](int, char**) -> int { throw std::bad_alloc(); }),
             Result(1, "ERROR: out of memory\n"));
+}
+
+TEST(RunCommand, FullOrClosedStandardOutputIsAnError) {
+  for (const std::string arguments : {"help", "model_renderer --help"}) {
+    const std::string command =
+        DGSFM_COLMAP_MAIN " " + arguments + " 2>/dev/null >";
+    EXPECT_EQ(std::system((command + "/dev/null").c_str()), 0);
+    EXPECT_EQ(WEXITSTATUS(std::system((command + "/dev/full").c_str())), 1);
+    EXPECT_EQ(WEXITSTATUS(std::system((command + "&-").c_str())), 1);
+  }
 }
 
 }  // namespace

@@ -217,6 +217,41 @@ TEST_F(DepthExporterTest, SplattingRefusesImagesOfOneName) {
       "images b.jpg and b.png would share the depth map b.png");
 }
 
+TEST_F(DepthExporterTest, WritesNothingOutsideTheFolder) {
+  DepthExportOptions options;
+  for (const DepthExportFormat format :
+       {DepthExportFormat::NPY, DepthExportFormat::GAUSSIAN_SPLATTING}) {
+    options.format = format;
+    for (const std::string name : {"../b.jpg", "sub/../../b.jpg"}) {
+      SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
+          .Execute("UPDATE images SET name = '" + name +
+                   "' WHERE image_id = 2");
+      ExpectError(
+          [&] {
+            ExportDepthMaps(
+                database_path_, std::nullopt, dir_ + "/out", options);
+          },
+          {"../b", "leads out of the folder " + dir_ + "/out"});
+    }
+  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(dir_)) {
+    EXPECT_NE(entry.path().filename().string().substr(0, 2), "b.");
+  }
+}
+
+TEST_F(DepthExporterTest, NamesNeedNotBeUtf8) {
+  SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute(
+          "UPDATE images SET name = CAST(x'e92e6a7067' AS TEXT) "
+          "WHERE image_id = 2");
+  DepthExportOptions options;
+  options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
+  ExportDepthMaps(database_path_, std::nullopt, dir_ + "/out", options);
+  EXPECT_TRUE(fs::exists(dir_ + "/out/\xe9.png"));
+  EXPECT_THAT(FileContent(dir_ + "/out/depth_params.json"),
+              HasSubstr("\"\uFFFD\""));
+}
+
 TEST_F(DepthExporterTest, SaysWhatIsMissing) {
   const auto message = [&](const std::string& database_path,
                            const std::string& model_path) -> std::string {

@@ -4,6 +4,8 @@
 #include "colmap_ext/depth_map_io.h"
 #include "colmap_ext/scene_database.h"
 #include "tests/controllers/run_command.h"
+#include "tests/testing/expect_error.h"
+#include "tests/testing/file_size_limit.h"
 #include "tests/testing/test_dir.h"
 
 #include <colmap/util/alignment.h>
@@ -56,10 +58,33 @@ TEST(SynthesizeDepthScene, RendersImagesDepthAndTruth) {
     EXPECT_LT(depth_map.Coverage(), 1);  // the sky
     for (const std::string& file : {"/images/" + image.Name(),
                                     depth_path,
-                                    std::string("/gt/points3D.txt")}) {
+                                    std::string("/gt/points3D.bin")}) {
       EXPECT_EQ(FileBytes(dir + "/a" + file), FileBytes(dir + "/b" + file));
     }
   }
+}
+
+TEST(SynthesizeDepthScene, NamesTheFileThatDoesNotFit) {
+  DepthSceneSynthesizerOptions options;
+  options.database_only = true;
+  options.scene.num_images = 10;
+  options.output_path = CreateTestDir();
+  const FileSizeLimit limit(20000);
+  ExpectError([&] { SynthesizeDepthScene(options); },
+              options.output_path + "/database.db");
+}
+
+TEST(SynthesizeDepthScene, RefusesNumbersBeyondReason) {
+  DepthSceneSynthesizerOptions options;
+  options.scene.num_images = 1000000000;
+  options.output_path = CreateTestDir();
+  ExpectError([&] { SynthesizeDepthScene(options); }, "num_images");
+  options.scene.num_images = 1;
+  options.scene.camera.width_px = 2000000000;
+  ExpectError([&] { SynthesizeDepthScene(options); }, "image size");
+  options.scene.camera = {};
+  options.scene.camera.focal_length_px = 1e-320;
+  ExpectError([&] { SynthesizeDepthScene(options); }, "focal_length_px");
 }
 
 TEST(SynthesizeDepthScene, DatabaseHoldsObservationsAndDepth) {

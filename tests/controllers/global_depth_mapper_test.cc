@@ -1,4 +1,5 @@
 #include "colmap_ext/depth_database.h"
+#include "colmap_ext/model_io.h"
 #include "colmap_ext/scene_database.h"
 #include "controllers/commands.h"
 #include "tests/controllers/run_command.h"
@@ -7,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -78,6 +80,194 @@ TEST_F(GlobalDepthMapperTest, RunsAgainFromTheSamePairs) {
   const auto first = StoredStatuses();
   ASSERT_EQ(Map(), 0);
   EXPECT_EQ(StoredStatuses(), first);
+}
+
+TEST_F(GlobalDepthMapperTest, ReplacesWhatAnEarlierRunWrote) {
+  const std::string models = dir_ + "/models";
+  ASSERT_EQ(Map(), 0);
+  // A run that gave two models, by its own account.
+  fs::copy(models + "/0", models + "/1");
+  std::ofstream(models + "/.dgsfm_manifest", std::ios::app)
+      << "1/cameras.bin\n1/images.bin\n1/points3D.bin\n\n..\nnotes.txt\n";
+  std::ofstream(models + "/notes.txt") << "of the user";
+  // Links are replaced, what they lead to stays.
+  fs::remove(models + "/report.json");
+  fs::create_symlink("notes.txt", models + "/report.json");
+  ASSERT_EQ(Map(), 0);
+  EXPECT_FALSE(fs::is_symlink(models + "/report.json"));
+  EXPECT_EQ(FileContent(models + "/notes.txt"), "of the user");
+  std::vector<std::string> names;
+  for (const fs::directory_entry& entry : fs::directory_iterator(models)) {
+    names.push_back(entry.path().filename().string());
+  }
+  EXPECT_THAT(
+      names,
+      testing::UnorderedElementsAre(
+          "0", "project.ini", "report.json", "notes.txt", ".dgsfm_manifest"));
+}
+
+TEST_F(GlobalDepthMapperTest, TouchesNothingItDidNotWrite) {
+  const std::string models = dir_ + "/models";
+  for (const std::string file :
+       {"0/images.bin", "7/other.txt", "project.ini", "report.json"}) {
+    fs::create_directories(fs::path(models + "/" + file).parent_path());
+    std::ofstream(models + "/" + file) << "of the user";
+    const CommandResult result =
+        RunForTest(&RunDepthGlobalMapper,
+                   {"--database_path", path_, "--output_path", models});
+    EXPECT_EQ(result.code, 1);
+    EXPECT_THAT(result.err,
+                testing::HasSubstr(models + "/" + file + " is in the way"));
+    EXPECT_EQ(FileContent(models + "/" + file), "of the user");
+    fs::remove_all(models);
+  }
+}
+
+TEST_F(GlobalDepthMapperTest, NamesAreCheckedOrWritten) {
+  const SqliteConnection connection(path_, SqliteConnection::Mode::READ_WRITE);
+  connection.Execute(
+      "UPDATE images SET name = CAST(x'e92e6a7067' AS TEXT) "
+      "WHERE image_id = 2");
+  ASSERT_EQ(Map(), 0);
+  EXPECT_EQ(ReadModelImages(dir_ + "/models/0").count("\xe9.jpg"), 1);
+  const auto report =
+      nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+  EXPECT_EQ(report["images"][1]["name"], "\uFFFD.jpg");
+  EXPECT_FALSE(StoredStatuses().empty());
+  connection.Execute("UPDATE images SET name = '../a.jpg' WHERE image_id = 2");
+  std::ofstream(dir_ + "/a.jpg") << "outside";
+  EXPECT_EQ(Map({"--image_path", dir_ + "/scene"}), 1);
+  EXPECT_EQ(Map(), 0);
+}
+
+TEST_F(GlobalDepthMapperTest, SaysThatPosePriorsAreNotUsed) {
+  const auto warning = [this] {
+    return RunForTest(&RunDepthGlobalMapper,
+                      {"--database_path",
+                       path_,
+                       "--output_path",
+                       dir_ + "/models",
+                       "--num_threads",
+                       "1"})
+        .err;
+  };
+  const auto is_named = testing::AllOf(
+      testing::HasSubstr("pose priors of 3 images, which are not used"),
+      testing::HasSubstr("colmap model_aligner --input_path " + dir_ +
+                         "/models/0"));
+  EXPECT_THAT(warning(), testing::Not(testing::HasSubstr("pose priors")));
+  const SqliteConnection connection(path_, SqliteConnection::Mode::READ_WRITE);
+  connection.Execute("UPDATE images SET prior_tx = 7 WHERE image_id <= 3");
+  EXPECT_THAT(warning(), is_named);
+  // As COLMAP has them since 3.12.
+  connection.Execute(
+      "UPDATE images SET prior_tx = NULL;"
+      "CREATE TABLE pose_priors (image_id INTEGER PRIMARY KEY NOT NULL, "
+      "position BLOB, coordinate_system INTEGER NOT NULL);"
+      "INSERT INTO pose_priors VALUES (1, x'00', 0), (2, x'00', 0), "
+      "(3, x'00', 0), (4, NULL, 0)");
+  EXPECT_THAT(warning(), is_named);
+}
+
+TEST_F(GlobalDepthMapperTest, PaperPresetIsAppliedHoweverItIsSaid) {
+  const auto is_paper = [this](const std::vector<std::string>& arguments) {
+    EXPECT_EQ(Map(arguments), 0);
+    const std::string project = FileContent(dir_ + "/models/project.ini");
+    EXPECT_EQ(project.find("paper=1\n") != std::string::npos,
+              project.find("skip_retriangulation=1\n") != std::string::npos);
+    return project.find("skip_retriangulation=1\n") != std::string::npos;
+  };
+  for (const std::string value : {"1", "true", "yes", "on"}) {
+    EXPECT_TRUE(is_paper({"--paper", value})) << value;
+  }
+  EXPECT_TRUE(is_paper({"--paper=on"}));
+  EXPECT_FALSE(is_paper({"--paper", "no"}));
+  const std::string project = dir_ + "/paper.ini";
+  std::ofstream(project) << "paper=1\n";
+  EXPECT_TRUE(is_paper({"--project_path", project}));
+  EXPECT_FALSE(is_paper({"--project_path", project, "--paper", "0"}));
+}
+
+TEST(GlobalDepthMapper, OneModelIsOneThoughItsPairsFallApart) {
+  const std::string dir = CreateTestDir();
+  const std::string path = SynthesizeDatabase(dir,
+                                              {"--num_images",
+                                               "16",
+                                               "--num_points_per_image",
+                                               "150",
+                                               "--max_num_neighbors",
+                                               "3",
+                                               "--random_seed",
+                                               "2"});
+  const auto num_models = [&](const std::string& multiple_models) {
+    EXPECT_EQ(RunForTest(&RunDepthGlobalMapper,
+                         {"--database_path",
+                          path,
+                          "--output_path",
+                          dir + "/models",
+                          "--num_threads",
+                          "1",
+                          // So strict that true pairs leave.
+                          "--DepthGlobalMapper.max_rotation_error",
+                          "0.3",
+                          "--DepthGlobalMapper.multiple_models",
+                          multiple_models})
+                  .code,
+              0);
+    return nlohmann::json::parse(
+               std::ifstream(dir + "/models/report.json"))["models"]
+        .size();
+  };
+  EXPECT_GT(num_models("1"), 1);
+  EXPECT_EQ(num_models("0"), 1);
+  EXPECT_FALSE(fs::exists(dir + "/models/1"));
+}
+
+TEST_F(GlobalDepthMapperTest, PairsOfOtherOptionsAreVerifiedAgain) {
+  const auto view_graph = [this] {
+    return nlohmann::json::parse(
+        std::ifstream(dir_ + "/models/report.json"))["view_graph"];
+  };
+  const std::vector<std::string> other = {"--random_seed", "3"};
+  ASSERT_EQ(Map(other), 0);
+  const auto expected = view_graph();
+  ASSERT_EQ(RunForTest(&RunDepthGeometricVerifier,
+                       {"--database_path",
+                        path_,
+                        "--num_threads",
+                        "1",
+                        "--PairVerification.min_num_inliers",
+                        "1000"})
+                .code,
+            0);
+  const CommandResult result = RunForTest(&RunDepthGlobalMapper,
+                                          {"--database_path",
+                                           path_,
+                                           "--output_path",
+                                           dir_ + "/models",
+                                           "--num_threads",
+                                           "1",
+                                           "--random_seed",
+                                           "3"});
+  EXPECT_EQ(result.code, 0);
+  EXPECT_THAT(result.err, testing::HasSubstr("they are verified again"));
+  EXPECT_EQ(view_graph(), expected);
+  // An earlier version had other fingerprints.
+  ASSERT_EQ(RunForTest(&RunDepthGeometricVerifier,
+                       {"--database_path",
+                        path_,
+                        "--num_threads",
+                        "1",
+                        "--random_seed",
+                        "3"})
+                .code,
+            0);
+  SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute(
+          "UPDATE dgsfm_pair_geometries SET fingerprint = 1, status = 2 "
+          "WHERE pair_id = 2147483649");
+  ASSERT_EQ(Map(other), 0);
+  EXPECT_EQ(view_graph(), expected);
 }
 
 TEST_F(GlobalDepthMapperTest, PairsOfFewKeypointsAreVerifiedByAllMatches) {

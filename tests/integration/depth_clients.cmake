@@ -10,10 +10,14 @@ foreach(CELL ${CELLS})
     ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
     ${DGSFM_PYTHON} -B ${CLIENTS} DepthClients.test_${CELL})
 endforeach()
+add_library(fault_injection MODULE fault_injection.c)
+target_link_libraries(fault_injection PRIVATE ${CMAKE_DL_LIBS})
 # The script's default are 50 kills.
 foreach(COMMAND depth_importer dense_match_importer depth_geometric_verifier)
   dgsfm_add_script_test(Kills.${COMMAND}
     ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+    FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
+    ASAN_OPTIONS=verify_asan_link_order=0
     ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/importer_kill_test.py
     ${COMMAND} 12)
 endforeach()
@@ -28,3 +32,12 @@ dgsfm_add_script_test(EstimateDepth.CallsModelsAsPublished
 dgsfm_add_script_test(Databases.OfEveryColmapAreExtended
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/client_databases.py)
+dgsfm_add_script_test(Faults.OutputIsOldOrNew
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
+  ASAN_OPTIONS=verify_asan_link_order=0
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/output_faults_test.py)
+# The script's default are 2000 databases and 500 models.
+dgsfm_add_script_test(Faults.HostileInputEndsWithAnError
+  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/hostile_input_test.py 20 20)

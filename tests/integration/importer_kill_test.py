@@ -1,10 +1,11 @@
-"""Kills a command that writes a database at random moments and lets it go on.
+"""Kills a command that writes a database and lets it go on.
 
-Usage: COLMAP=PATH importer_kill_test.py COMMAND [NUM_KILLS]
+Usage: COLMAP=PATH FAULT_LIBRARY=PATH importer_kill_test.py COMMAND [NUM_KILLS]
 
 COMMAND is depth_importer, dense_match_importer or depth_geometric_verifier.
-After every kill (50) the database passes SQLite's integrity check, and in the
-end it holds what an undisturbed run gives. Exit code 77 without NumPy and
+It is killed at random moments (50) and at calls that write. After every kill
+the database passes SQLite's integrity check, and in the end it holds what an
+undisturbed run gives. Exit code 77 without NumPy and
 pycolmap.
 """
 
@@ -177,6 +178,29 @@ def main():
             assert "has keypoints of" in result.stderr, result.stderr
         assert read_all(folder / "killed.db") == expected
         print(f"{num_kills} kills, {num_partial} of them left a part")
+
+        # The first calls one by one, later ones in growing steps.
+        call = 0
+        is_killed = True
+        while is_killed:
+            call += 1 + call // 3
+            start_anew(folder)
+            environment = {
+                "LD_PRELOAD": os.environ["FAULT_LIBRARY"],
+                "DGSFM_FAULT": f"kill:{call}",
+            }
+            process = subprocess.run(
+                command("killed.db"), capture_output=True, check=False,
+                env={**os.environ, **environment},
+            )  # fmt: skip
+            is_killed = process.returncode != 0
+            rows = read_all(folder / "killed.db")
+            if is_killed and task.count(rows) < task.total:
+                subprocess.run(command("killed.db"), check=True, capture_output=True)
+                rows = read_all(folder / "killed.db")
+            assert rows == expected
+        print(f"killed up to call {call}")
+        assert call > 10
         if num_kills >= 20 and name != "dense_match_importer":
             assert num_partial > 0, "no kill hit the work"
 
