@@ -226,6 +226,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->mapper.share_intrinsics,
                        "one camera in the model for images whose cameras turn "
                        "out to be the same");
+  command_options->Add("measure_repeatability",
+                       &options->mapper.measure_repeatability,
+                       "whether the report gets the differences of the poses "
+                       "that two halves of the points give");
   command_options->Add("split_cameras",
                        &options->mapper.split_cameras,
                        "cameras of their own for images of one camera entry "

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/output_file.h"
 #include "controllers/output_folder.h"
+#include "sfm/prior_trust.h"
 
 #include <cmath>
 
@@ -40,6 +41,10 @@ Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   Json entries = Json::array();
   for (const auto& [camera_id, camera] : scene.cameras) {
     Json entry = {{"camera_id", camera_id}, {"model", camera.ModelName()}};
+    entry["intrinsics_prior"] = camera.HasPriorFocalLength() ? "calibrated"
+                                : FocalPriorOf(scene, camera_id).Exists()
+                                    ? "exif"
+                                    : "none";
     const auto focal = result.focals.find(camera_id);
     if (focal != result.focals.end()) {
       entry["focal_source"] = FocalSourceName(focal->second.source);
@@ -121,6 +126,16 @@ void WriteMapperReport(const std::string& path,
   for (const auto& model : result.models) {
     report["models"].push_back(
         {{"images", model->NumRegImages()}, {"points", model->NumPoints3D()}});
+  }
+  report["warnings"] = result.warnings;
+  if (result.repeatability) {
+    const PoseMetrics& metrics = *result.repeatability;
+    const std::vector<double> aucs =
+        AreaUnderCurve(metrics.relative_errors_deg, {1, 3, 5});
+    report["repeatability"] = {
+        {"auc_1_3_5_deg", aucs},
+        {"median_rotation_deg", metrics.median_rotation_error_deg},
+        {"median_translation_deg", metrics.median_translation_error_deg}};
   }
   report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result);

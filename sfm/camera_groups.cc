@@ -164,24 +164,25 @@ std::optional<CameraDeviation> PrincipalPointDeviation(
     const std::vector<colmap::camera_t>& camera_ids,
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,
-    const Eigen::MatrixXd& covariance) {
+    const Eigen::MatrixXd& covariance,
+    const colmap::Reconstruction& model) {
   // Weights of the parameters in the mean, a row for each coordinate.
-  Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(2, posterior.params.size());
-  Eigen::Vector2d given = Eigen::Vector2d::Zero();
+  Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(2, covariance.cols());
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   for (const colmap::camera_t camera_id : camera_ids) {
     const auto first_param = posterior.FirstParamOf(camera_id);
     if (!first_param) continue;
-    const colmap::Camera& camera = beliefs.given.at(camera_id);
+    const colmap::Camera& given = beliefs.given.at(camera_id);
     for (Eigen::Index i = 0; i < 2; ++i) {
-      const size_t idx = camera.PrincipalPointIdxs()[size_t(i)];
+      const size_t idx = given.PrincipalPointIdxs()[size_t(i)];
       mean(i, *first_param + Eigen::Index(idx)) = 1;
-      given(i) += camera.Params(idx);
+      sum(i) += model.Camera(camera_id).Params(idx) - given.Params(idx);
     }
   }
   if (mean.isZero(0)) return std::nullopt;
   const double count = mean.row(0).sum();
   mean /= count;
-  const CameraDeviation deviation = {mean * posterior.params - given / count,
+  const CameraDeviation deviation = {sum / count,
                                      mean * covariance * mean.transpose()};
   if (!(deviation.covariance.diagonal().minCoeff() > 0)) return std::nullopt;
   return deviation;
@@ -380,7 +381,7 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
   std::set<colmap::camera_t> held;
   for (const auto& [camera_id, owner] : owners) {
     const auto deviation = PrincipalPointDeviation(
-        owner.camera_ids, beliefs, posterior, posterior.covariance);
+        owner.camera_ids, beliefs, posterior, posterior.covariance, model);
     if (deviation) {
       judged.push_back(&owner);
       deviations.push_back(*deviation);
@@ -399,7 +400,7 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
         judged[i]->num_images > 1 && IsDetermined(deviations[i], stddev_px) &&
         LogOddsOfDeviation(
             *PrincipalPointDeviation(
-                ids, beliefs, posterior, posterior.keypoint_covariance),
+                ids, beliefs, posterior, posterior.keypoint_covariance, model),
             stddev_px) > 0;
     if (!is_crop && !is_determined) held.insert(ids.begin(), ids.end());
   }

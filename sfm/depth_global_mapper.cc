@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
+#include "sfm/camera_model_check.h"
 #include "sfm/depth_reliability.h"
 #include "sfm/metric_scale.h"
 #include "sfm/model_access.h"
@@ -23,6 +24,9 @@ constexpr double kMinFilteredShare = 1e-3;
 constexpr double kPreliminaryFunctionTolerance = 1e-4;
 // Depth maps are not better than this [log].
 constexpr double kMinDepthStddev = 0.01;
+// Share of maps that contradict their pairs beyond which something common to
+// all is wrong.
+constexpr double kMaxUnreliableShare = 0.3;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 
@@ -92,6 +96,7 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
   if (!options_.skip_depth_reliability) DropUnreliableDepths(pairs);
   FilterPairs(pairs);
   CalibrateAndReverify(pairs);
+  WarnOfPlanes(*pairs);
   std::vector<ImageIds> components = ConnectedImages(*pairs);
   if (!options_.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
@@ -140,6 +145,13 @@ void DepthGlobalMapper::DropUnreliableDepths(PairGeometries* pairs) {
                  << scene_.images.at(image_id).Name()
                  << "' contradicts its matches and is not used";
     depths_.erase(image_id);
+  }
+  if (double(image_ids.size()) >
+      kMaxUnreliableShare * double(image_ids.size() + depths_.size())) {
+    Warn(std::to_string(image_ids.size()) +
+         " depth maps contradict the matches and are not used: check that they "
+         "belong to the images (orientation, cropping), and that the camera "
+         "model fits the lens");
   }
   const auto is_unreliable = [&](colmap::image_t image_id) {
     return std::binary_search(image_ids.begin(), image_ids.end(), image_id);
@@ -400,10 +412,9 @@ bool DepthGlobalMapper::Untie(const ImageIds& image_ids,
 void DepthGlobalMapper::SplitSharedCameras(
     const std::set<colmap::camera_t>& camera_ids) {
   for (const colmap::camera_t camera_id : camera_ids) {
-    LOG(WARNING)
-        << "The images of camera " << camera_id
-        << " have focal lengths that differ by more than their errors: "
-           "each gets a camera of its own (--split_cameras 0 keeps one)";
+    Warn("The images of camera " + std::to_string(camera_id) +
+         " have focal lengths that differ by more than their errors: each gets "
+         "a camera of its own where it differs (--split_cameras 0 keeps one)");
   }
   SplitCameras(camera_ids, &scene_, &camera_origins_);
   AddSplitCameras(camera_origins_, &beliefs_);
@@ -500,6 +511,15 @@ void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
     }
   }
   JudgePairsByModel(*model, *graph, pairs);
+  if (options_.measure_repeatability && !result_.repeatability) {
+    StageTimer timer("repeatability");
+    result_.repeatability = SplitHalfRepeatability(
+        SelfCalibration().adjust,
+        options_.refinement.bundle_adjustment.max_num_iterations,
+        beliefs,
+        *model);
+    timer.Finish(&result_.stages);
+  }
 }
 
 BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
@@ -578,6 +598,9 @@ void DepthGlobalMapper::FinishModel(const ImageCenters& start_centers,
   }
   UpdatePointErrors(model);
   model->TearDown();
+  if (const auto advice = CameraModelAdvice(MeasureRadialErrors(*model))) {
+    Warn(*advice);
+  }
   timer.Add("images", double(model->NumRegImages()))
       .Add("points", double(model->NumPoints3D()))
       .Add("scale_factor", metric.factor)
@@ -585,6 +608,34 @@ void DepthGlobalMapper::FinishModel(const ImageCenters& start_centers,
       .Add("scale_from_start", ScaleBetween(start_centers, CentersOf(*model)))
       .Add("images_with_scale", double(metric.num_images));
   timer.Finish(&result_.stages);
+}
+
+void DepthGlobalMapper::Warn(const std::string& warning) {
+  LOG(WARNING) << warning;
+  result_.warnings.push_back(warning);
+}
+
+void DepthGlobalMapper::WarnOfPlanes(const PairGeometries& pairs) {
+  constexpr double kMaxPlanarShare = 0.8;
+  size_t num_valid = 0, num_planar = 0;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    ++num_valid;
+    num_planar += pair.Has(PairDegeneracy::PLANAR);
+  }
+  const bool are_known = std::all_of(
+      scene_.cameras.begin(), scene_.cameras.end(), [&](const auto& camera) {
+        return camera.second.HasPriorFocalLength() ||
+               beliefs_.focal_priors.count(camera.first) > 0;
+      });
+  if (are_known || double(num_planar) <= kMaxPlanarShare * double(num_valid)) {
+    return;
+  }
+  Warn(
+      std::to_string(num_planar) + " of " + std::to_string(num_valid) +
+      " valid pairs see one plane only, which leaves unknown focal lengths "
+      "open: focal lengths and heights may be wrong. Give focal lengths (EXIF "
+      "data, or --ImageReader.camera_params and a prior), or add tilted views");
 }
 
 void DepthGlobalMapper::ExplainMissingImages(const PairGeometries& pairs) {

@@ -9,6 +9,7 @@
 #include "sfm/model_refinement.h"
 #include "sfm/position_initialization.h"
 #include "sfm/self_calibration.h"
+#include "sfm/split_half.h"
 #include "sfm/stage_report.h"
 #include "sfm/track_establishment.h"
 
@@ -42,6 +43,9 @@ struct DepthGlobalMapperOptions {
   // Whether images of one camera entry that turn out to have focal lengths of
   // their own get cameras of their own.
   bool split_cameras = true;
+  // Whether the repeatability of the models is measured, see
+  // SplitHalfRepeatability.
+  bool measure_repeatability = false;
   // Threads of all stages; -1 = all cores.
   int num_threads = -1;
 
@@ -80,6 +84,10 @@ struct DepthGlobalMapperResult {
   std::map<colmap::image_pair_t, PairStatus> readmitted_pairs;
   // Why each image of no model is missing.
   std::map<colmap::image_t, std::string> unregistered_images;
+  // What may be wrong with the result, and the remedy, in sentences.
+  std::vector<std::string> warnings;
+  // Of the largest model, with measure_repeatability.
+  std::optional<PoseMetrics> repeatability;
   // Depth-map factors of the registered images against their model.
   std::map<colmap::image_t, double> depth_scales;
 };
@@ -145,6 +153,9 @@ class DepthGlobalMapper {
   void FinishModel(const ImageCenters& start_centers,
                    colmap::Reconstruction* model);
   void ExplainMissingImages(const PairGeometries& pairs);
+  void Warn(const std::string& warning);
+  // Of pairs that leave the focal lengths open.
+  void WarnOfPlanes(const PairGeometries& pairs);
 
   DepthGlobalMapperOptions options_;
   PairVerificationOptions verification_;

@@ -64,6 +64,10 @@ bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
                      "focal_length_stddev_ratio must be > 0",
                      focal_length_stddev_ratio,
                      error) &&
+         CheckOption(unknown_log_focal_stddev > 0,
+                     "unknown_log_focal_stddev must be > 0",
+                     unknown_log_focal_stddev,
+                     error) &&
          CheckOption(principal_point_stddev_ratio > 0,
                      "principal_point_stddev_ratio must be > 0",
                      principal_point_stddev_ratio,
@@ -131,7 +135,7 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
             ? options.focal_length_stddev_ratio * camera.MeanFocalLength()
         : prior != beliefs.focal_priors.end()
             ? prior->second.log_stddev * prior->second.focal_px
-            : std::numeric_limits<double>::infinity());
+            : options.unknown_log_focal_stddev * camera.MeanFocalLength());
   }
   if (options.refine_extra_params) {
     set(camera.ExtraParamsIdxs(), options.extra_params_stddev);
@@ -149,7 +153,7 @@ std::vector<RobustPrior> SplitPriors(const IntrinsicsPriorOptions& options,
                                      colmap::camera_t camera_id) {
   const colmap::Camera& camera = beliefs.given.at(camera_id);
   const Eigen::VectorXd stddevs = PriorStddevs(options, beliefs, camera_id);
-  const bool has_soft_focal = beliefs.focal_priors.count(camera_id) > 0;
+  const bool is_calibrated = camera.HasPriorFocalLength();
   RobustPrior exact = {{}, std::numeric_limits<double>::infinity()};
   RobustPrior focals = {{}, options.crop_factor};
   RobustPrior centers = {{}, options.crop_factor};
@@ -160,7 +164,7 @@ std::vector<RobustPrior> SplitPriors(const IntrinsicsPriorOptions& options,
     if (stddevs(i) == 0 || !std::isfinite(stddevs(i))) continue;
     if (contains(camera.PrincipalPointIdxs(), i)) {
       centers.idxs.push_back(i);
-    } else if (has_soft_focal && contains(camera.FocalLengthIdxs(), i)) {
+    } else if (!is_calibrated && contains(camera.FocalLengthIdxs(), i)) {
       focals.idxs.push_back(i);
     } else {
       exact.idxs.push_back(i);

@@ -28,12 +28,15 @@ struct IntrinsicsPriorOptions {
   bool refine_principal_point = false;
   // Standard deviation of the focal lengths of calibrated cameras [1].
   double focal_length_stddev_ratio = 0.01;
+  // Standard deviation of the logarithm of focal lengths of which nothing is
+  // known, about the guess in the database [1]. It stops what data do not.
+  double unknown_log_focal_stddev = 0.5;
   // Standard deviation of the principal point about that of the database, as a
   // share of the larger image side [1].
   double principal_point_stddev_ratio = 0.01;
-  // Deviations of principal points, and of focal lengths from EXIF data, beyond
-  // this many standard deviations count less and less (Cauchy): crops may be
-  // far off [1].
+  // Deviations of principal points, and of focal lengths that are not
+  // calibrated, beyond this many standard deviations count less and less
+  // (Cauchy): crops may be far off [1].
   double crop_factor = 2;
   // Standard deviation of the distortion parameters about those of the database
   // [1].
@@ -85,7 +88,7 @@ Eigen::VectorXd PriorMean(const CameraBeliefs& beliefs,
                           colmap::camera_t camera_id);
 
 // Standard deviation of each parameter of a camera about that [px, 1]: 0 where
-// it is held, infinite where nothing is known.
+// it is held.
 Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
                              const CameraBeliefs& beliefs,
                              colmap::camera_t camera_id);

@@ -207,6 +207,8 @@ TEST(GlobalDepthMapper, OneModelIsOneThoughItsPairsFallApart) {
                           dir + "/models",
                           "--num_threads",
                           "1",
+                          "--intrinsics_prior",
+                          "calibrated",
                           // So strict that true pairs leave.
                           "--DepthGlobalMapper.max_rotation_error",
                           "0.3",

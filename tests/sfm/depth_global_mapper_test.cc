@@ -377,6 +377,43 @@ TEST(DepthGlobalMapper, ScaleStaysFromStartToEnd) {
   EXPECT_NEAR(scale, 1, 1e-4);
 }
 
+TEST(DepthGlobalMapper, OneEntryOfSeveralZoomsIsSplit) {
+  for (const double max_log_focal_offset : {0.0, 0.3}) {
+    SyntheticSceneOptions options = SmallRing();
+    options.image_noise_px = 0.5;
+    options.num_points_per_image = 300;
+    options.known_focal_length = false;
+    options.camera.num_cameras = 0;
+    options.camera.max_log_focal_offset = max_log_focal_offset;
+    const SyntheticScene synthetic = SynthesizeScene(options);
+    Scene scene = SceneFromSynthetic(synthetic);
+    for (auto& [image_id, image] : scene.images) image.SetCameraId(1);
+    while (scene.cameras.size() > 1) {
+      scene.cameras.erase(std::prev(scene.cameras.end()));
+    }
+    for (const bool split_cameras : {true, false}) {
+      DepthGlobalMapperOptions mapper_options;
+      mapper_options.split_cameras = split_cameras;
+      const Outcome outcome = MapScene(synthetic,
+                                       scene,
+                                       KeypointDepthsFromSynthetic(synthetic),
+                                       mapper_options);
+      ASSERT_FALSE(outcome.result.models.empty());
+      const bool is_split = split_cameras && max_log_focal_offset > 0;
+      EXPECT_EQ(outcome.result.models[0]->NumCameras() > 1, is_split);
+      EXPECT_EQ(outcome.result.cameras.size(),
+                outcome.result.models[0]->NumCameras());
+      // The entry keeps its id, for the largest part.
+      EXPECT_TRUE(outcome.result.models[0]->ExistsCamera(1));
+      EXPECT_EQ(outcome.result.warnings.size(), is_split ? 1 : 0);
+      if (max_log_focal_offset > 0 && !split_cameras) continue;
+      EXPECT_EQ(outcome.metrics.num_registered, 12);
+      // Half a pixel of 700 is 0.04 degrees; free focal lengths cost some.
+      EXPECT_LT(MeanError(outcome.metrics), is_split ? 0.5 : 0.2);
+    }
+  }
+}
+
 TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 20;
