@@ -4,7 +4,9 @@ type = "dgsfm": this project's program. depth = folder of depth maps (a key of
     Scene.depth_folders), "database" for depth that the database already has,
     or "none"; options = table of its options without the leading dashes;
     verify_first = true verifies the pairs in a program of its own, so that
-    time and memory of the rest are known.
+    time and memory of the rest are known. With options =
+    { measure_repeatability = 1 } runs have a repeatable AUC@1 as well, and
+    their time and memory include its measurement.
 type = "pycolmap_global", "pycolmap_incremental": COLMAP 4.x by pycolmap.
 type = "colmap": a program of the user's. program = path; commands = list of
     argument lists in which {database}, {images}, {output}, {threads} and
@@ -87,6 +89,20 @@ class Engine:
             )
         return mappers[self.spec["type"]](job)
 
+    def own_metrics(self, output: Path) -> dict[str, float]:
+        """Figures that the mapper itself measured in a run that succeeded.
+
+        ``repeatable_auc_1``: AUC up to one degree, in per cent, of the poses
+        from one half of the points against those from the other half, over
+        the images of the largest model.
+        """
+        if self.spec["type"] != "dgsfm":
+            return {}
+        repeatability = _read_report(output).get("repeatability")
+        if repeatability is None:
+            return {}
+        return {"repeatable_auc_1": repeatability["auc_1_3_5_deg"][0]}
+
     def _map_with_depth(self, job):
         arguments = [
             "--database_path", str(job.database),
@@ -116,8 +132,7 @@ class Engine:
         if self.spec.get("verify_first"):
             stages[MAPPING] = mapping
         usage += mapping
-        report = json.loads((job.output / "report.json").read_text())
-        for stage in report["stages"]:
+        for stage in _read_report(job.output)["stages"]:
             name = stage["stage"]
             stages[name] = stages.get(name, Usage()) + Usage(
                 stage["seconds"],
@@ -172,6 +187,10 @@ def run_pycolmap(stage: str, log: Path, **job) -> Usage:
     return run_program(
         [*arguments, json.dumps({"stage": stage, **job})], log
     )
+
+
+def _read_report(output: Path) -> dict:
+    return json.loads((output / "report.json").read_text())
 
 
 def _identity(program: Path) -> str:

@@ -30,6 +30,9 @@ versions, figures and times.
   cent; the error of a pair is the larger one of rotation and direction of
   translation, infinite if an image is missing; mean over scenes.
 - COLMAP's AUC: as in COLMAP's own benchmark (ordered pairs, all models).
+- repeatable AUC@1: without truth, of the poses from one half of the points
+  against those from the other half, over the images of the largest model; mean
+  over scenes; empty for engines that do not measure it.
 - scale: what the model has to be multiplied with to fit the truth; 1 is
   metric.
 - A run that fails counts as zero.

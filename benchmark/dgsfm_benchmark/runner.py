@@ -221,6 +221,8 @@ def _map_and_evaluate(run: Run) -> dict:
     outcome["metrics"] = evaluate(
         run.scene, output, run.experiment.thresholds_deg, not reason
     )
+    if not reason:
+        outcome["metrics"].update(run.engine.own_metrics(output))
     if not reason and outcome["metrics"]["num_models"] == 0:
         reason = "no model"
     outcome["status"] = "failed" if reason else "ok"

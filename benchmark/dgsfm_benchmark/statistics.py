@@ -18,6 +18,11 @@ def auc(record: Record, idx: int) -> float:
     return float(values[idx]) if values else 0.0
 
 
+def repeatable_auc(record: Record) -> float | None:
+    """The AUC@1 between halves of the points; None for a run without."""
+    return record.get("metrics", {}).get("repeatable_auc_1")
+
+
 @dataclasses.dataclass(frozen=True)
 class Summary:
     """Mean over scenes, then mean and spread of that over seeds."""

@@ -7,7 +7,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from .engines import MAPPING, VERIFICATION
-from .statistics import Record, auc, paired_difference, summarize
+from .statistics import (
+    Record,
+    auc,
+    paired_difference,
+    repeatable_auc,
+    summarize,
+)
 
 # AUC points below which a difference is rounding, not a loss.
 MIN_LOSS = 0.1
@@ -31,6 +37,26 @@ def _metric(name):
     return lambda record: record.get("metrics", {}).get(name)
 
 
+class _RepeatabilityColumn:
+    """Cells of a column that tables have only if an engine measured it; of
+    such an engine, runs without a value count as zero."""
+
+    def __init__(self, records: list[Record]):
+        self._engines = {
+            r["engine"] for r in records if repeatable_auc(r) is not None
+        }
+
+    def header(self) -> list[str]:
+        return ["repeatable AUC@1"] if self._engines else []
+
+    def cells(self, engine: str, runs: list[Record]) -> list[str]:
+        if not self._engines:
+            return []
+        if engine not in self._engines:
+            return [""]
+        return [summarize(runs, lambda r: repeatable_auc(r) or 0.0).text()]
+
+
 def summary_table(
     records: list[Record], engines: Sequence[str], thresholds: Sequence[float]
 ) -> list[str]:
@@ -43,6 +69,9 @@ def summary_table(
     num_scenes = len({r["scene"] for r in records})
     engines = [e for e in engines if 2 * len(scenes[e]) >= num_scenes]
     common = set.intersection(*(scenes[engine] for engine in engines))
+    repeatability = _RepeatabilityColumn(
+        [r for r in records if r["engine"] in engines]
+    )
     rows = []
     for engine in engines:
         runs = [
@@ -58,6 +87,7 @@ def summary_table(
                     summarize(runs, lambda r, i=i: auc(r, i)).text()
                     for i in range(len(thresholds))
                 ),
+                *repeatability.cells(engine, runs),
                 f"{_registered_share(runs):.1f} %",
                 f"{len(failed)} / {len(runs)}" if failed else "none",
             ]
@@ -65,6 +95,7 @@ def summary_table(
     header = [
         "engine",
         *(f"AUC@{t:g}" for t in thresholds),
+        *repeatability.header(),
         "registered",
         "failed runs",
     ]
@@ -88,6 +119,7 @@ def scene_table(
     records: list[Record], engines: Sequence[str], thresholds: Sequence[float]
 ) -> list[str]:
     """One row a scene and engine, means over seeds."""
+    repeatability = _RepeatabilityColumn(records)
     rows = []
     for scene in _unique(r["scene"] for r in records):
         first = True
@@ -99,21 +131,29 @@ def scene_table(
             ]
             if not runs:
                 continue
-            rows.append(_scene_row(scene if first else "", engine, runs, thresholds))
+            rows.append(
+                _scene_row(
+                    scene if first else "",
+                    engine,
+                    runs,
+                    thresholds,
+                    repeatability,
+                )
+            )
             first = False
     header = [
         "scene", "engine", "registered", "models",
-        *(f"AUC@{t:g}" for t in thresholds),
+        *(f"AUC@{t:g}" for t in thresholds), *repeatability.header(),
         "COLMAP's AUC@1 / 5", "scale", "points", "track length",
     ]  # fmt: skip
     return markdown(header, rows)
 
 
-def _scene_row(scene, engine, runs, thresholds):
+def _scene_row(scene, engine, runs, thresholds, repeatability):
     if all(r["status"] != "ok" for r in runs):
         reasons = _unique(_short_reason(r["reason"]) for r in runs)
         return [scene, engine, "; ".join(reasons)] + [""] * (
-            len(thresholds) + 5
+            len(thresholds) + len(repeatability.header()) + 5
         )
     total = runs[0]["metrics"]["num_images"]
     colmap = [
@@ -130,6 +170,7 @@ def _scene_row(scene, engine, runs, thresholds):
             summarize(runs, lambda r, i=i: auc(r, i)).text()
             for i in range(len(thresholds))
         ),
+        *repeatability.cells(engine, runs),
         " / ".join(f"{c.mean:.1f}" for c in colmap),
         f"{scale.mean:.3f}" if is_metric and not np.isnan(scale.mean) else "",
         f"{summarize(runs, _metric('num_points')).mean:.0f}",

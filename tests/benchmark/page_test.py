@@ -152,6 +152,47 @@ class PageTest(unittest.TestCase):
         self.assertIn("| plain | 0.0 ± 0.0 | 0.0 ± 0.0 |", text)
         self.assertIn("3 / 3", text)
 
+    def test_repeatability_has_a_column_where_an_engine_measured_it(self):
+        records = sweep()
+        engines = ["plain", "deep"]
+
+        def rows(table):
+            lines = table(records, engines, [1, 5])
+            lines = [line for line in lines if line.startswith("|")]
+            header, _, *body = [
+                [cell.strip() for cell in line.split("|")[1:-1]]
+                for line in lines
+            ]
+            for row in body:
+                self.assertEqual(len(row), len(header))
+            return [dict(zip(header, row)) for row in body]
+
+        both = (tables.summary_table, tables.scene_table)
+        for table in both:
+            self.assertNotIn("repeatable AUC@1", rows(table)[0])
+        for r in records:
+            if r["engine"] == "deep":
+                r["metrics"]["repeatable_auc_1"] = 60.0 + 3 * r["seed"]
+        for table in both:
+            plain, deep = rows(table)[:2]
+            self.assertEqual(plain["repeatable AUC@1"], "")
+            self.assertEqual(deep["repeatable AUC@1"], "63.0 ± 3.0")
+        # A run that fails counts as zero, and a scene of such has no figures.
+        for r in records:
+            if r["engine"] == "deep" and (
+                r["scene"] == "ring/useless" or r["seed"] == 0
+            ):
+                r.update(status="failed", reason="no model")
+                r["metrics"].pop("repeatable_auc_1")
+        self.assertEqual(
+            [row["repeatable AUC@1"] for row in rows(tables.summary_table)],
+            ["", "43.0 ± 37.3"],  # of 0, 63 and 66
+        )
+        self.assertEqual(
+            [row["repeatable AUC@1"] for row in rows(tables.scene_table)],
+            ["", "43.0 ± 37.3", ""],
+        )
+
     def test_mean_is_over_common_scenes(self):
         records = [record("deep", level, 0, 90) for level in ("exact", "useless")]
         records.append(record("plain", "exact", 0, 80))

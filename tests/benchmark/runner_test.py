@@ -10,7 +10,7 @@ from pathlib import Path
 
 import support
 import pycolmap
-from dgsfm_benchmark import runner
+from dgsfm_benchmark import page, runner
 from dgsfm_benchmark.database import copy_with_images
 from dgsfm_benchmark.errors import BenchmarkError
 from dgsfm_benchmark.experiment import read_experiment
@@ -27,6 +27,43 @@ with open(scene / "runs.txt", "a") as log:
 if seed == "1":
     sys.exit("the mapper gave up")
 shutil.copytree(scene / "gt", pathlib.Path(output) / "0")
+"""
+
+# This project's program, as far as the benchmark needs it: it writes a model
+# and a report, which has the repeatability only if that is asked for. The
+# second seed fails after both are written.
+DEPTH_MAPPER = f"""#!{sys.executable}
+import json, pathlib, shutil, sys
+command, *arguments = sys.argv[1:]
+assert command == "depth_global_mapper"
+options = dict(zip(arguments[::2], arguments[1::2]))
+output = pathlib.Path(options["--output_path"])
+shutil.copytree(pathlib.Path(__file__).parent / "data/scene/gt", output / "0")
+report = dict(stages=[])
+if options.get("--measure_repeatability") == "1":
+    report["repeatability"] = dict(
+        auc_1_3_5_deg=[87.5, 95.0, 97.0],
+        median_rotation_deg=0.05,
+        median_translation_deg=0.1,
+    )
+(output / "report.json").write_text(json.dumps(report))
+if options["--random_seed"] == "1":
+    sys.exit("the mapper gave up")
+"""
+
+REPEATABILITY_EXPERIMENT = """
+seeds = [0, 1]
+[[dataset]]
+name = "test"
+layout = "plain"
+path = "{path}"
+[[engine]]
+name = "measured"
+type = "dgsfm"
+options = {{ measure_repeatability = 1 }}
+[[engine]]
+name = "not measured"
+type = "dgsfm"
 """
 
 EXPERIMENT = """
@@ -73,10 +110,10 @@ class RunnerTest(unittest.TestCase):
         self.program.write_text(MAPPER)
         self.program.chmod(0o755)
 
-    def run_experiment(self, **settings):
+    def run_experiment(self, text=EXPERIMENT, **settings):
         path = self.path / "experiment.toml"
         path.write_text(
-            EXPERIMENT.format(path=self.path / "data", program=self.program)
+            text.format(path=self.path / "data", program=self.program)
         )
         with contextlib.redirect_stderr(io.StringIO()):
             return runner.run_experiment(
@@ -101,6 +138,28 @@ class RunnerTest(unittest.TestCase):
         self.assertEqual(bad["metrics"]["auc"], [0, 0, 0])
         # The engine that wants depth, which the scene has not, does not run.
         self.assertEqual({good["engine"], bad["engine"]}, {"copy"})
+
+    def test_records_repeatability_where_it_is_measured(self):
+        self.program.write_text(DEPTH_MAPPER)
+        records = self.run_experiment(REPEATABILITY_EXPERIMENT)
+        runs = {(r["engine"], r["seed"]): r for r in records}
+        self.assertEqual(len(runs), 4)
+        self.assertEqual(
+            {key for key, run in runs.items() if run["status"] == "ok"},
+            {("measured", 0), ("not measured", 0)},
+        )
+        # What a run that failed has left does not count.
+        self.assertEqual(
+            {
+                key: run["metrics"]["repeatable_auc_1"]
+                for key, run in runs.items()
+                if "repeatable_auc_1" in run["metrics"]
+            },
+            {("measured", 0): 87.5},
+        )
+        results = self.path / "runs.json"
+        page.store_runs({"test": {"records": records}}, results)
+        self.assertEqual(page.read_runs(results)["test"]["records"], records)
 
     def test_goes_on_where_it_was(self):
         records = self.run_experiment()
