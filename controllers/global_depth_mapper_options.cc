@@ -250,6 +250,7 @@ void BindOptions(GlobalDepthMapperOptions* options,
 void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   ApplyPaperPreset(&options->verifier.verification);
   options->use_exif = false;
+  options->verifier.intrinsics_prior = "calibrated";
   DepthGlobalMapperOptions& mapper = options->mapper;
   mapper.view_graph.min_pair_score = 0.8;
   mapper.view_graph.min_triplet_support = 0.6;

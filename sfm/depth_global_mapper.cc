@@ -337,6 +337,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
         AdaptedLossScale(options_.refinement.bundle_adjustment, *model);
     if (!options_.skip_camera_grouping) CalibrateCameras(&beliefs, model.get());
     RetriangulateModel(beliefs, pairs, model.get());
+    HoldImplausibleCameras(&beliefs, model.get());
   }
   FinishModel(start_centers, model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
@@ -526,8 +527,35 @@ BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
   BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
   adjustment.loss_scale_px = final_loss_scale_px_;
   adjustment.intrinsics.refine_principal_point =
-      options_.refinement.refine_principal_point;
+      options_.refinement.refine_principal_point &&
+      !options_.skip_camera_grouping;
   return adjustment;
+}
+
+void DepthGlobalMapper::HoldImplausibleCameras(CameraBeliefs* beliefs,
+                                               colmap::Reconstruction* model) {
+  const std::set<colmap::camera_t> implausible = ImplausibleCameras(*model);
+  if (implausible.empty()) return;
+  for (const colmap::camera_t camera_id : implausible) {
+    // As averaged, before the adjustment.
+    model->Camera(camera_id).SetParams(scene_.cameras.at(camera_id).Params());
+    beliefs->held_cameras.insert(camera_id);
+    for (CameraGroup& group : beliefs->groups) {
+      auto& ids = group.camera_ids;
+      ids.erase(std::remove(ids.begin(), ids.end(), camera_id), ids.end());
+    }
+  }
+  Warn("Bundle adjustment made the intrinsics of " +
+       std::to_string(implausible.size()) +
+       " cameras, the first of them camera " +
+       std::to_string(*implausible.begin()) +
+       ", implausible: they are held at what the image pairs tell. Give focal "
+       "lengths (EXIF data) or leave their images out");
+  SelfCalibration().adjust(
+      *beliefs,
+      options_.refinement.bundle_adjustment.max_num_iterations,
+      model);
+  FilterObservations(options_.refinement, 1.0, model);
 }
 
 SelfCalibrationOptions DepthGlobalMapper::SelfCalibration() {

@@ -141,6 +141,9 @@ class DepthGlobalMapper {
   void SplitSharedCameras(const std::set<colmap::camera_t>& camera_ids);
   SelfCalibrationOptions SelfCalibration();
   void CalibrateCameras(CameraBeliefs* beliefs, colmap::Reconstruction* model);
+  // Keeps images whose cameras ran away, by holding these.
+  void HoldImplausibleCameras(CameraBeliefs* beliefs,
+                              colmap::Reconstruction* model);
   void RetriangulateModel(const CameraBeliefs& beliefs,
                           PairGeometries* pairs,
                           colmap::Reconstruction* model);

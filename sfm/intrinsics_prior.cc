@@ -125,6 +125,7 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
                              colmap::camera_t camera_id) {
   const colmap::Camera& camera = beliefs.given.at(camera_id);
   Eigen::VectorXd stddevs = Eigen::VectorXd::Zero(camera.NumParams());
+  if (beliefs.held_cameras.count(camera_id) > 0) return stddevs;
   const auto set = [&](const std::vector<size_t>& idxs, double stddev) {
     for (const size_t idx : idxs) stddevs(Eigen::Index(idx)) = stddev;
   };

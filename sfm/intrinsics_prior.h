@@ -72,6 +72,8 @@ struct CameraBeliefs {
   std::map<colmap::camera_t, std::string> labels;
   // Soft priors of the focal lengths of cameras that are not calibrated.
   std::map<colmap::camera_t, FocalPrior> focal_priors;
+  // Cameras all of whose parameters are held as they are.
+  std::set<colmap::camera_t> held_cameras;
 
   // The group, or rigid group, that a camera is in, or null.
   const CameraGroup* GroupOf(colmap::camera_t camera_id) const;

@@ -354,18 +354,29 @@ size_t Retriangulate(const ModelRefinementOptions& options,
   return model->ComputeNumObservations() - num_before;
 }
 
+std::set<colmap::camera_t> ImplausibleCameras(
+    const colmap::Reconstruction& model) {
+  std::set<colmap::camera_t> implausible;
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
+    const colmap::camera_t camera_id = model.Image(image_id).CameraId();
+    if (model.Camera(camera_id).HasBogusParams(
+            kMinFocalLengthRatio, kMaxFocalLengthRatio, kMaxExtraParam)) {
+      implausible.insert(camera_id);
+    }
+  }
+  return implausible;
+}
+
 std::map<colmap::image_t, std::string> FilterImages(
     const ModelRefinementOptions& options, colmap::Reconstruction* model) {
   std::map<colmap::image_t, std::string> filtered;
+  const std::set<colmap::camera_t> implausible = ImplausibleCameras(*model);
   for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
     const colmap::Image& image = model->Image(image_id);
     if (image.NumPoints3D() < size_t(options.min_num_points_per_image)) {
       filtered[image_id] = "only " + std::to_string(image.NumPoints3D()) +
                            " points after bundle adjustment";
-    } else if (model->Camera(image.CameraId())
-                   .HasBogusParams(kMinFocalLengthRatio,
-                                   kMaxFocalLengthRatio,
-                                   kMaxExtraParam)) {
+    } else if (implausible.count(image.CameraId()) > 0) {
       filtered[image_id] = "implausible intrinsics after bundle adjustment";
     }
   }

@@ -14,6 +14,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 
 namespace dgsfm {
@@ -94,6 +95,11 @@ void BuildCorrespondenceGraph(const Scene& scene,
 size_t Retriangulate(const ModelRefinementOptions& options,
                      const colmap::CorrespondenceGraph& graph,
                      colmap::Reconstruction* model);
+
+// Cameras of registered images whose focal length or distortion no real camera
+// has.
+std::set<colmap::camera_t> ImplausibleCameras(
+    const colmap::Reconstruction& model);
 
 // De-registers images with too few points or implausible intrinsics and
 // returns them with the reason.

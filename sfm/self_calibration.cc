@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include <glog/logging.h>
+
 namespace dgsfm {
 
 namespace {
@@ -115,6 +117,19 @@ void ResetPrincipalPoints(const CameraBeliefs& beliefs,
   }
 }
 
+// Whether an adjustment slid along directions that nothing determines: focal
+// lengths far from those of the adjustment with held principal points.
+bool HasRunAway(const colmap::Reconstruction& model,
+                const colmap::Reconstruction& calibrated) {
+  constexpr double kMaxFocalRatio = 1.5;
+  return std::any_of(
+      model.Cameras().begin(), model.Cameras().end(), [&](const auto& camera) {
+        const double ratio = calibrated.Camera(camera.first).MeanFocalLength() /
+                             camera.second.MeanFocalLength();
+        return !(ratio < kMaxFocalRatio && ratio > 1 / kMaxFocalRatio);
+      });
+}
+
 }  // namespace
 
 void TieCameraClasses(const IntrinsicsPriorOptions& prior,
@@ -150,11 +165,15 @@ std::vector<colmap::image_t> FindContradictingImages(
 }
 
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
-                             CameraBeliefs beliefs,
+                             const CameraBeliefs& beliefs,
                              colmap::Reconstruction* model) {
   const int max_num_iterations = options.bundle_adjustment.max_num_iterations;
+  CameraBeliefs held = beliefs;
+  for (const auto& [camera_id, camera] : model->Cameras()) {
+    held.held_principal_points.insert(camera_id);
+  }
   colmap::Reconstruction calibrated = *model;
-  if (!options.adjust(beliefs, max_num_iterations, &calibrated)) return beliefs;
+  if (!options.adjust(beliefs, max_num_iterations, &calibrated)) return held;
   const bool has_untied =
       std::any_of(model->Cameras().begin(),
                   model->Cameras().end(),
@@ -163,21 +182,24 @@ CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
                   });
   std::vector<CameraGroup> groups;
   if (has_untied) groups = FindNewGroups(options, beliefs, &calibrated);
-  beliefs = WithGroups(beliefs, groups);
-  beliefs.held_principal_points =
-      HeldPrincipalPoints(options, beliefs, calibrated);
+  CameraBeliefs learned = WithGroups(beliefs, groups);
+  learned.held_principal_points =
+      HeldPrincipalPoints(options, learned, calibrated);
   if (groups.empty() &&
-      beliefs.held_principal_points.size() == model->NumCameras()) {
-    return beliefs;
+      learned.held_principal_points.size() == model->NumCameras()) {
+    return held;
   }
-  if (!beliefs.held_principal_points.empty()) {
-    ResetPrincipalPoints(beliefs, &calibrated);
-    if (!options.adjust(beliefs, max_num_iterations, &calibrated)) {
-      return beliefs;
-    }
+  if (!learned.held_principal_points.empty()) {
+    ResetPrincipalPoints(learned, &calibrated);
+    if (!options.adjust(learned, max_num_iterations, &calibrated)) return held;
+  }
+  if (HasRunAway(*model, calibrated)) {
+    LOG(WARNING) << "Freed intrinsics run away: principal points stay at the "
+                    "given ones";
+    return held;
   }
   *model = std::move(calibrated);
-  return beliefs;
+  return learned;
 }
 
 std::map<colmap::camera_t, CameraResult> SummarizeCameras(

@@ -51,9 +51,10 @@ std::vector<colmap::image_t> FindContradictingImages(
 //
 // Principal points are freed where the model determines them, see
 // FindHeldPrincipalPoints. The model is left at the adjustment with what is
-// returned, or as it was where nothing was learned.
+// returned, or as it was, with all principal points held, where nothing was
+// learned, an adjustment failed, or focal lengths ran away.
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
-                             CameraBeliefs beliefs,
+                             const CameraBeliefs& beliefs,
                              colmap::Reconstruction* model);
 
 // Intrinsics of a camera in its model, parameters in COLMAP's order [px, 1].

@@ -195,7 +195,7 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   SyntheticScene synthetic = CreateScene(1);
   synthetic.options.known_focal_length = true;
   const CameraBeliefs beliefs = {
-      SceneFromSynthetic(synthetic).cameras, {}, {}, {}, {}};
+      SceneFromSynthetic(synthetic).cameras, {}, {}, {}, {}, {}};
   colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
