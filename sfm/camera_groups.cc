@@ -188,13 +188,15 @@ std::optional<CameraDeviation> PrincipalPointDeviation(
   return deviation;
 }
 
-// Whether errors leave the deviation clearly less uncertain than the prior
-// does.
-bool IsDetermined(const CameraDeviation& deviation, double prior_stddev) {
-  constexpr double kMaxRatio = 0.5;
+// Uncertainty of a principal point, over that of its prior, up to which it
+// counts as determined.
+constexpr double kMaxUncertaintyRatio = 0.5;
+
+// Standard deviation in the least certain direction.
+double MaxStddev(const CameraDeviation& deviation) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       deviation.covariance);
-  return eigen.eigenvalues().maxCoeff() < std::pow(kMaxRatio * prior_stddev, 2);
+  return std::sqrt(eigen.eigenvalues().maxCoeff());
 }
 
 }  // namespace
@@ -396,12 +398,17 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
                              LargerSide(beliefs.given.at(ids.front()));
     const bool is_crop = deviating[i] && deviations[i].values.norm() >
                                              prior.crop_factor * stddev_px;
+    const CameraDeviation by_keypoints = *PrincipalPointDeviation(
+        ids, beliefs, posterior, posterior.keypoint_covariance, model);
+    VLOG(1) << "Principal point of camera " << ids.front() << ": uncertainty "
+            << MaxStddev(deviations[i]) / stddev_px << " of the prior's, "
+            << MaxStddev(by_keypoints) / stddev_px
+            << " by errors of key points alone, off by "
+            << deviations[i].values.transpose() << " px";
     const bool is_determined =
-        judged[i]->num_images > 1 && IsDetermined(deviations[i], stddev_px) &&
-        LogOddsOfDeviation(
-            *PrincipalPointDeviation(
-                ids, beliefs, posterior, posterior.keypoint_covariance, model),
-            stddev_px) > 0;
+        judged[i]->num_images > 1 &&
+        MaxStddev(deviations[i]) < kMaxUncertaintyRatio * stddev_px &&
+        LogOddsOfDeviation(by_keypoints, stddev_px) > 0;
     if (!is_crop && !is_determined) held.insert(ids.begin(), ids.end());
   }
   return held;
