@@ -289,7 +289,7 @@ std::vector<colmap::image_t> FindDeviatingImages(
     colmap::image_t image_id;
     Eigen::Index param;
   };
-  // Of images that share intrinsics and refine their focal length.
+  // Focal lengths of images that share intrinsics, where these are refined.
   std::map<colmap::camera_t, std::vector<Focal>> shared;
   Eigen::Index first_param = 0;
   for (size_t i = 0; i < by_image.block_ids.size(); ++i) {

@@ -37,8 +37,8 @@ std::vector<CameraGroup> FindCameraClasses(const IntrinsicsPriorOptions& prior,
                                            const colmap::Reconstruction& model);
 
 // Images whose focal lengths differ from that of the camera or rigid group that
-// they share, by what each of these images tells by itself (`by_image`, at a
-// model that is adjusted with shared intrinsics): those far from the mean, or
+// they share, by what each of these images determines by itself (`by_image`, at
+// a model that is adjusted with shared intrinsics): those far from the mean, or
 // all where the deviations are large together. Ascending.
 std::vector<colmap::image_t> FindDeviatingImages(
     const CameraGroupingOptions& options,

@@ -18,8 +18,8 @@ constexpr int kNumRings = 8;
 constexpr int kMinNumObservations = 100;
 // Mean radial errors of photos whose camera model fits are 0.2 px at most.
 constexpr double kMaxMeanErrorPx = 0.5;
-// Of wide-angle lenses, on which perspective models leave 0.25 to 0.7 px of a
-// fisheye lens.
+// The bound for wide-angle lenses: perspective models leave mean errors of 0.25
+// to 0.7 px on fisheye images.
 constexpr double kMaxWideMeanErrorPx = 0.22;
 // Principal points of wide-angle lenses are that far off only if they make up
 // for another projection, or if the images are crops.

@@ -86,7 +86,7 @@ struct DepthGlobalMapperResult {
   std::map<colmap::image_t, std::string> unregistered_images;
   // What may be wrong with the result, and the remedy, in sentences.
   std::vector<std::string> warnings;
-  // Of the largest model, with measure_repeatability.
+  // Repeatability of the first model, with measure_repeatability.
   std::optional<PoseMetrics> repeatability;
   // Depth-map factors of the registered images against their model.
   std::map<colmap::image_t, double> depth_scales;
@@ -157,7 +157,7 @@ class DepthGlobalMapper {
                    colmap::Reconstruction* model);
   void ExplainMissingImages(const PairGeometries& pairs);
   void Warn(const std::string& warning);
-  // Of pairs that leave the focal lengths open.
+  // Warns if nearly all pairs see planes, which leaves focal lengths open.
   void WarnOfPlanes(const PairGeometries& pairs);
 
   DepthGlobalMapperOptions options_;
@@ -166,7 +166,7 @@ class DepthGlobalMapper {
   Scene scene_;
   // Of the cameras as given.
   CameraBeliefs beliefs_;
-  // Of cameras that were made of an entry with others.
+  // Entries of the cameras that split entries were divided into.
   CameraOrigins camera_origins_;
   KeypointDepthMap depths_;
   // Of the present component, by how well they agree at its start.

@@ -185,7 +185,7 @@ class PosteriorProblem {
     Eigen::Vector2d xy_px;
     // Before weighting [px].
     Eigen::Vector2d residual_px;
-    // Of the soft L1 loss.
+    // Weight by the soft L1 loss.
     double weight = 1;
     LinearizedObservation linearized;
   };
@@ -258,7 +258,7 @@ class PosteriorProblem {
         observations.push_back(std::move(observation));
       }
     }
-    // One observation alone says nothing about cameras.
+    // A point with one observation does not constrain the cameras.
     if (observations.size() < 2) observations.clear();
     return observations;
   }
@@ -452,7 +452,7 @@ class PosteriorProblem {
   const CameraBeliefs& beliefs_;
   const colmap::Reconstruction& model_;
   const IntrinsicsBlocks blocks_;
-  // Of the chosen images.
+  // First pose parameter of each chosen image.
   std::map<colmap::image_t, int> first_pose_param_;
   std::map<uint32_t, Block> intrinsics_;
   std::vector<Prior> priors_;

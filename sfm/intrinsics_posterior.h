@@ -14,7 +14,7 @@ namespace dgsfm {
 // Which images share intrinsics.
 enum class IntrinsicsBlocks {
   BY_CAMERA,  // those of a camera, and those of the cameras of a rigid group
-  BY_IMAGE,   // none: what each image tells by itself
+  BY_IMAGE,   // none: each image determines its own
 };
 
 struct IntrinsicsPosterior {

@@ -91,7 +91,7 @@ CameraBeliefs GivenBeliefs(const Scene& scene) {
     const auto exif = scene.exif.find(image.CameraId());
     const bool is_named =
         exif != scene.exif.end() && !exif->second.camera.empty();
-    // Of the first image of each camera.
+    // The first image of each camera gives the label.
     beliefs.labels.emplace(
         image.CameraId(),
         is_named ? exif->second.camera

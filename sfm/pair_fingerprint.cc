@@ -58,15 +58,11 @@ uint64_t PairFingerprint(const Scene& scene,
                          colmap::image_pair_t pair_id,
                          const colmap::FeatureMatches& matches,
                          const std::string& options_text) {
-  const auto pair_image = [&](colmap::image_t image_id) {
-    const auto it = depths.find(image_id);
-    return CreatePairImage(scene,
-                           scene.images.at(image_id),
-                           it == depths.end() ? nullptr : &it->second);
-  };
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  return PairFingerprint(
-      pair_image(image_id1), pair_image(image_id2), matches, options_text);
+  return PairFingerprint(CreatePairImage(scene, depths, image_id1),
+                         CreatePairImage(scene, depths, image_id2),
+                         matches,
+                         options_text);
 }
 
 }  // namespace dgsfm

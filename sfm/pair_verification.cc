@@ -209,6 +209,15 @@ PairImage CreatePairImage(const Scene& scene,
           prior == scene.focal_priors.end() ? FocalPrior() : prior->second};
 }
 
+PairImage CreatePairImage(const Scene& scene,
+                          const KeypointDepthMap& depths,
+                          colmap::image_t image_id) {
+  const auto it = depths.find(image_id);
+  return CreatePairImage(scene,
+                         scene.images.at(image_id),
+                         it == depths.end() ? nullptr : &it->second);
+}
+
 PairGeometry VerifyPair(const PairImage& image1,
                         const PairImage& image2,
                         const colmap::FeatureMatches& matches,
@@ -256,15 +265,11 @@ PairGeometry VerifyPair(const Scene& scene,
                         colmap::image_pair_t pair_id,
                         const colmap::FeatureMatches& matches,
                         const PairVerificationOptions& options) {
-  const auto pair_image = [&](colmap::image_t image_id) {
-    const auto it = depths.find(image_id);
-    return CreatePairImage(scene,
-                           scene.images.at(image_id),
-                           it == depths.end() ? nullptr : &it->second);
-  };
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  return VerifyPair(
-      pair_image(image_id1), pair_image(image_id2), matches, options);
+  return VerifyPair(CreatePairImage(scene, depths, image_id1),
+                    CreatePairImage(scene, depths, image_id2),
+                    matches,
+                    options);
 }
 
 PairGeometries VerifyPairs(const Scene& scene,

@@ -54,6 +54,9 @@ struct PairImage {
 PairImage CreatePairImage(const Scene& scene,
                           const colmap::Image& image,
                           const KeypointDepths* depths);
+PairImage CreatePairImage(const Scene& scene,
+                          const KeypointDepthMap& depths,
+                          colmap::image_t image_id);
 
 // Verifies one pair. `matches` refer to key points of the images in this
 // order. A camera with a prior focal length counts as calibrated, with its

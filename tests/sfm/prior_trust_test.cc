@@ -18,7 +18,7 @@ TEST(LooksLikeExif, CamerasAsTheFeatureExtractorWritesThem) {
        {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}) {
     EXPECT_TRUE(LooksLikeExif(ExifCamera(model))) << model;
   }
-  // Their focal length alone says nothing about the image.
+  // Without its projection, a fisheye lens has no geometry at all.
   EXPECT_FALSE(LooksLikeExif(ExifCamera("OPENCV_FISHEYE")));
   colmap::Camera camera = ExifCamera("SIMPLE_RADIAL");
   camera.SetPriorFocalLength(false);
