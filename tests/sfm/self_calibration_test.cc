@@ -212,6 +212,42 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   }
 }
 
+TEST(AdjustBundle, HeldCamerasStayAsTheyAre) {
+  AdjustedScene scene(1);
+  CameraBeliefs beliefs = scene.Beliefs();
+  beliefs.held_cameras = {1, 2};
+  colmap::Reconstruction model = scene.Model();
+  BundleAdjustmentOptions options;
+  options.intrinsics.refine_principal_point = true;
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
+  for (colmap::camera_t id = 1; id <= 12; ++id) {
+    const bool is_same =
+        model.Camera(id).Params() == scene.Model().Camera(id).Params();
+    EXPECT_EQ(is_same, id <= 2) << id;
+  }
+}
+
+// Focal lengths by EXIF data of crops are wrong: what the images determine
+// counts for more.
+TEST(AdjustBundle, SoftFocalPriorsGiveWayToTheImages) {
+  AdjustedScene scene(1);
+  CameraBeliefs beliefs = scene.Beliefs();
+  for (const auto& [camera_id, camera] : beliefs.given) {
+    beliefs.focal_priors[camera_id] = {
+        1.15 * scene.TrueCamera(camera_id).MeanFocalLength(), 0.05};
+  }
+  colmap::Reconstruction model = scene.Model();
+  BundleAdjustmentOptions options;
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
+  for (const auto& [camera_id, camera] : model.Cameras()) {
+    // Rings tell focal lengths of single images to one or two per cent.
+    EXPECT_NEAR(camera.MeanFocalLength() /
+                    scene.TrueCamera(camera_id).MeanFocalLength(),
+                1,
+                0.03);
+  }
+}
+
 TEST(FindCameraClasses, KeepCamerasApartThatExifDoes) {
   AdjustedScene scene(1);
   CameraBeliefs beliefs = scene.Beliefs();
