@@ -202,8 +202,9 @@ double MaxStddev(const CameraDeviation& deviation) {
 }  // namespace
 
 std::map<colmap::camera_t, int> CameraKinds(const CameraBeliefs& beliefs) {
-  // Focal lengths from EXIF data that are farther apart are different zooms.
-  constexpr double kMaxLogFocalGap = 0.01;
+  // Focal lengths from EXIF data that are farther apart are different zooms:
+  // those of one zoom differ by rounding only.
+  constexpr double kMaxLogFocalDifference = 0.002;
   using Key =
       std::tuple<int, size_t, size_t, std::string, std::vector<double>, bool>;
   struct Member {
@@ -232,10 +233,12 @@ std::map<colmap::camera_t, int> CameraKinds(const CameraBeliefs& beliefs) {
         members.begin(), members.end(), [](const Member& a, const Member& b) {
           return a.log_focal < b.log_focal;
         });
+    double first_log_focal = 0;
     for (size_t i = 0; i < members.size(); ++i) {
       if (i == 0 ||
-          members[i].log_focal - members[i - 1].log_focal > kMaxLogFocalGap) {
+          members[i].log_focal - first_log_focal > kMaxLogFocalDifference) {
         ++kind;
+        first_log_focal = members[i].log_focal;
       }
       kinds[members[i].camera_id] = kind;
     }

@@ -16,9 +16,9 @@ namespace dgsfm {
 
 // Number of the kind of each camera. Cameras of one kind may be the same for
 // all that is known without a look at their images: camera model, image size,
-// folder of the images, camera and zoom as EXIF data have them, and intrinsics
-// where they are calibrated. Focal lengths from EXIF data that differ by less
-// than 1 % are of one kind.
+// camera and zoom as EXIF data have them (else the folder of the images),
+// intrinsics where they are calibrated, and focal lengths by EXIF data within
+// 0.2 %.
 std::map<colmap::camera_t, int> CameraKinds(const CameraBeliefs& beliefs);
 
 // Groups of cameras of one kind, in no group yet, that GroupCameras takes for

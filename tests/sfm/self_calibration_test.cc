@@ -269,6 +269,12 @@ TEST(FindCameraClasses, KeepCamerasApartThatExifDoes) {
   groups = FindCameraClasses(prior, beliefs, scene.Model());
   ASSERT_EQ(groups.size(), 2);
   EXPECT_EQ(groups[0].camera_ids, first_half);
+
+  // Small steps do not make one kind of many zooms.
+  for (colmap::camera_t id = 1; id <= 12; ++id) {
+    beliefs.focal_priors[id] = {700 * std::pow(1.0015, id), 0.05};
+  }
+  EXPECT_EQ(FindCameraClasses(prior, beliefs, scene.Model()).size(), 6);
 }
 
 TEST(FindContradictingImages, OnlyWhereFocalLengthsDiffer) {
