@@ -65,9 +65,9 @@ struct DepthGlobalMapperOptions {
   bool skip_bundle_adjustment = false;
   // Completion of tracks after bundle adjustment, not in the paper either.
   bool skip_retriangulation = false;
-  // What cameras of one model and image size tell about each other: averaged
-  // focal lengths are drawn together, and cameras that turn out to be the same
-  // get one set of intrinsics. The paper takes all as unrelated.
+  // Self-calibration over several cameras: averaged focal lengths of one kind
+  // are drawn together, cameras of one kind share their intrinsics, and
+  // principal points are freed. The paper takes all cameras as unrelated.
   bool skip_camera_grouping = false;
 
   bool IsValid(std::string* error) const;

@@ -1,6 +1,7 @@
 #include "sfm/self_calibration.h"
 
 #include "estimators/median.h"
+#include "sfm/model_refinement.h"
 
 #include <algorithm>
 #include <optional>
@@ -117,17 +118,13 @@ void ResetPrincipalPoints(const CameraBeliefs& beliefs,
   }
 }
 
-// Whether an adjustment slid along directions that nothing determines: focal
-// lengths far from those of the adjustment with held principal points.
+// Whether an adjustment slid along directions that nothing determines, to
+// intrinsics that no real camera has. Comparing focal lengths with those of the
+// held model would not do: where images are crops, that is wrong itself.
 bool HasRunAway(const colmap::Reconstruction& model,
                 const colmap::Reconstruction& calibrated) {
-  constexpr double kMaxFocalRatio = 1.5;
-  return std::any_of(
-      model.Cameras().begin(), model.Cameras().end(), [&](const auto& camera) {
-        const double ratio = calibrated.Camera(camera.first).MeanFocalLength() /
-                             camera.second.MeanFocalLength();
-        return !(ratio < kMaxFocalRatio && ratio > 1 / kMaxFocalRatio);
-      });
+  return ImplausibleCameras(calibrated).size() >
+         ImplausibleCameras(model).size();
 }
 
 }  // namespace

@@ -52,7 +52,7 @@ std::vector<colmap::image_t> FindContradictingImages(
 // Principal points are freed where the model determines them, see
 // FindHeldPrincipalPoints. The model is left at the adjustment with what is
 // returned, or as it was, with all principal points held, where nothing was
-// learned, an adjustment failed, or focal lengths ran away.
+// learned, an adjustment failed, or cameras became implausible.
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
                              const CameraBeliefs& beliefs,
                              colmap::Reconstruction* model);
