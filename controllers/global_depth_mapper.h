@@ -25,8 +25,8 @@ class GlobalDepthMapper {
   PairGeometries Verify(const Scene& scene,
                         const KeypointDepthMap& depths,
                         std::vector<StageReport>* stages) const;
-  // Of all pairs of the scene. Where one is not stored this throws; those that
-  // do not hold any more are verified again.
+  // Geometries of all pairs of the scene. Throws where one is not stored; those
+  // that do not hold any more are verified again.
   PairGeometries CheckedPairs(const Scene& scene,
                               const KeypointDepthMap& depths,
                               const PairGeometries& stored,

@@ -24,7 +24,7 @@ struct RadialErrors {
 };
 RadialErrors MeasureRadialErrors(const colmap::Reconstruction& model);
 
-// A sentence on which camera model to try; nothing if there is no need.
+// Sentence that names a camera model to try; nothing if there is no need.
 std::optional<std::string> CameraModelAdvice(const RadialErrors& errors);
 
 }  // namespace dgsfm

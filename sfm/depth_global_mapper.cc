@@ -43,14 +43,6 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
       });
 }
 
-size_t NumCamerasOf(const std::vector<CameraGroup>& groups) {
-  size_t num_cameras = 0;
-  for (const CameraGroup& group : groups) {
-    num_cameras += group.camera_ids.size();
-  }
-  return num_cameras;
-}
-
 // Whether the focal lengths of a pair may be far off: without depth, or where
 // its matches do not tell them. The others gain nothing from averaged ones.
 bool LacksFocals(const PairGeometry& pair) {
@@ -393,7 +385,7 @@ bool DepthGlobalMapper::RefineModel(CameraBeliefs* beliefs,
 
 bool DepthGlobalMapper::Untie(const ImageIds& image_ids,
                               CameraBeliefs* beliefs) {
-  const std::vector<CameraGroup> groups = beliefs->groups;
+  const size_t num_tied = beliefs->NumTiedCameras();
   const size_t num_split = camera_origins_.size();
   if (options_.split_cameras) {
     const std::set<colmap::camera_t> shared = SharedCameras(scene_);
@@ -407,7 +399,7 @@ bool DepthGlobalMapper::Untie(const ImageIds& image_ids,
   }
   UntieImages(scene_, camera_origins_, image_ids, &beliefs->groups);
   return camera_origins_.size() != num_split ||
-         beliefs->NumTiedCameras() != NumCamerasOf(groups);
+         beliefs->NumTiedCameras() != num_tied;
 }
 
 void DepthGlobalMapper::SplitSharedCameras(

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include <glog/logging.h>
@@ -118,6 +119,17 @@ void ResetPrincipalPoints(const CameraBeliefs& beliefs,
   }
 }
 
+// Whether any two registered images share a camera, or cameras a group.
+bool SharesIntrinsics(const CameraBeliefs& beliefs,
+                      const colmap::Reconstruction& model) {
+  if (!beliefs.groups.empty()) return true;
+  std::set<colmap::camera_t> camera_ids;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    camera_ids.insert(model.Image(image_id).CameraId());
+  }
+  return camera_ids.size() < model.NumRegImages();
+}
+
 // Whether an adjustment slid along directions that nothing determines, to
 // intrinsics that no real camera has. Comparing focal lengths with those of the
 // held model would not do: where images are crops, that is wrong itself.
@@ -152,6 +164,7 @@ std::vector<colmap::image_t> FindContradictingImages(
     const SelfCalibrationOptions& options,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
+  if (!SharesIntrinsics(beliefs, model)) return {};
   BundleAdjustmentOptions adjustment = options.bundle_adjustment;
   adjustment.intrinsics.refine_principal_point = false;
   const std::optional<IntrinsicsPosterior> by_image =

@@ -72,7 +72,7 @@ TEST(OutputFile, ReplacesLinks) {
 
 TEST(OutputFile, ReplacesWhatAKilledRunLeft) {
   const std::string dir = CreateTestDir();
-  // Of the same name, as nothing runs the destructor of a killed run.
+  // A killed run leaves its file: nothing runs the destructor.
   alignas(OutputFile) unsigned char killed[sizeof(OutputFile)];
   new (killed) OutputFile(dir + "/a");
   EXPECT_EQ(NumEntries(dir), 1);

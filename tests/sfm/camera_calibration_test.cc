@@ -86,7 +86,7 @@ TEST(AverageFocalsOfCameras, ExifStandsInForPairsAndIsAveragedWithThem) {
               640 * std::pow(600.0 / 640.0, 4.0 / 29.0),
               1e-9);
 
-  // Of a crop: 17 % are more than two deviations.
+  // EXIF data of a crop: 17 % are more than two deviations.
   scene = TwoCameras();
   scene.exif[1] = exif;
   focals = AverageFocalsOfCameras(OnePair(720), {}, {}, false, &scene);
