@@ -169,6 +169,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
   const auto skip = [&](const std::string& stage, bool* value) {
     group.Add("skip_" + stage, value, "leave this stage out");
   };
+  skip("static_background", &options->skip_static_background);
   skip("depth_reliability", &options->skip_depth_reliability);
   skip("pair_scores", &options->skip_pair_scores);
   skip("focal_averaging", &options->skip_focal_averaging);
@@ -261,6 +262,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.position_initialization.use_depth = true;
   mapper.position_initialization.average_centers = false;
   mapper.position_initialization.use_median = true;
+  mapper.skip_static_background = true;
   mapper.skip_depth_reliability = true;
   mapper.skip_reverification = true;
   mapper.skip_translation_averaging = true;

@@ -59,7 +59,8 @@ class ModelBundle {
     for (const CameraGroup& group : beliefs_.groups) TieCameras(group);
   }
 
-  // Holds the pose of an image and one coordinate of another.
+  // Holds the pose of an image, and of the image farthest from it the
+  // coordinate that a change of scale about the first moves most.
   void FixGauge(colmap::image_t fixed_image) {
     const Eigen::Vector3d center =
         CamFromWorld(model_->Image(fixed_image)).TargetOriginInSource();
@@ -77,7 +78,7 @@ class ModelBundle {
     }
     if (!farthest) return;
     int coordinate = 0;
-    farthest->cam_from_world.translation.cwiseAbs().maxCoeff(&coordinate);
+    (farthest->cam_from_world * center).cwiseAbs().maxCoeff(&coordinate);
     farthest->is_constant[3 + coordinate] = true;
   }
 

@@ -7,6 +7,7 @@
 #include "sfm/depth_reliability.h"
 #include "sfm/metric_scale.h"
 #include "sfm/model_access.h"
+#include "sfm/static_background.h"
 
 #include <algorithm>
 #include <set>
@@ -85,6 +86,7 @@ DepthGlobalMapper::DepthGlobalMapper(
 }
 
 DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
+  if (!options_.skip_static_background) DropStaticBackground(pairs);
   if (!options_.skip_depth_reliability) DropUnreliableDepths(pairs);
   FilterPairs(pairs);
   CalibrateAndReverify(pairs);
@@ -129,6 +131,44 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
   return std::move(result_);
 }
 
+void DepthGlobalMapper::DropStaticBackground(PairGeometries* pairs) {
+  // Key points are found within about this many thresholds of matches.
+  constexpr double kMaxMotion = 3;
+  const std::vector<StaticKeypoints> groups = FindStaticKeypoints(
+      scene_,
+      *pairs,
+      kMaxMotion * verification_.two_view.max_epipolar_error_px);
+  if (groups.empty()) return;
+  StageTimer timer("static_background");
+  const size_t num_stationary =
+      CountPairs(*pairs).num_with_status[PairStatus::STATIONARY];
+  size_t num_groups = 0;
+  for (const StaticKeypoints& keypoints : groups) {
+    auto matches = MatchesThatMove(scene_, keypoints);
+    PairGeometries moving =
+        VerifyPairs(scene_, matches, depths_, verification_);
+    PairGeometries replaced;
+    for (const auto& [pair_id, pair] : moving) {
+      replaced[pair_id] = pairs->at(pair_id);
+    }
+    if (CountMovingPairs(moving) <= CountMovingPairs(replaced)) continue;
+    ++num_groups;
+    for (auto& [pair_id, pair] : moving) {
+      scene_.matches[pair_id] = std::move(matches.at(pair_id));
+      pairs->at(pair_id) = std::move(pair);
+    }
+  }
+  timer.Add("groups", double(num_groups)).Add(CountPairs(*pairs));
+  timer.Finish(&result_.stages);
+  if (num_groups > 0) {
+    Warn(std::to_string(num_stationary) + " of " +
+         std::to_string(pairs->size()) +
+         " pairs are stationary: most of their key points stay at their place, "
+         "as those of a background behind a turntable, and are left out. Mask "
+         "the background to be safe (--ImageReader.mask_path)");
+  }
+}
+
 void DepthGlobalMapper::DropUnreliableDepths(PairGeometries* pairs) {
   StageTimer timer("depth_reliability");
   const std::vector<colmap::image_t> image_ids = FindUnreliableDepths(*pairs);
@@ -155,7 +195,7 @@ void DepthGlobalMapper::DropUnreliableDepths(PairGeometries* pairs) {
       affected.push_back(pair_id);
     }
   }
-  VerifyAgain(affected, scene_.cameras, pairs);
+  VerifyAgain(affected, pairs);
   timer.Add("maps_dropped", double(image_ids.size()))
       .Add("pairs_verified", double(affected.size()));
   if (!image_ids.empty()) timer.Add(CountPairs(*pairs));
@@ -164,16 +204,14 @@ void DepthGlobalMapper::DropUnreliableDepths(PairGeometries* pairs) {
 
 void DepthGlobalMapper::VerifyAgain(
     const std::vector<colmap::image_pair_t>& pair_ids,
-    const CameraMap& cameras,
     PairGeometries* pairs) const {
   if (pair_ids.empty()) return;
-  Scene scene;
-  scene.cameras = cameras;
-  scene.images = scene_.images;
+  std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
   for (const colmap::image_pair_t pair_id : pair_ids) {
-    scene.matches[pair_id] = scene_.matches.at(pair_id);
+    matches[pair_id] = scene_.matches.at(pair_id);
   }
-  for (auto& [pair_id, pair] : VerifyPairs(scene, depths_, verification_)) {
+  for (auto& [pair_id, pair] :
+       VerifyPairs(scene_, matches, depths_, verification_)) {
     pairs->at(pair_id) = std::move(pair);
   }
 }
@@ -212,8 +250,8 @@ void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
     return;
   }
   StageTimer reverification("reverification");
-  CameraMap calibrated_cameras = scene_.cameras;
-  for (auto& [camera_id, camera] : calibrated_cameras) {
+  const CameraMap averaged_cameras = scene_.cameras;
+  for (auto& [camera_id, camera] : scene_.cameras) {
     camera.SetPriorFocalLength(true);
   }
   std::vector<colmap::image_pair_t> uncertain;
@@ -222,7 +260,8 @@ void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
       uncertain.push_back(pair_id);
     }
   }
-  VerifyAgain(uncertain, calibrated_cameras, pairs);
+  VerifyAgain(uncertain, pairs);
+  scene_.cameras = averaged_cameras;
   reverification.Add("pairs_verified", double(uncertain.size()))
       .Add(CountPairs(*pairs));
   reverification.Finish(&result_.stages);

@@ -50,6 +50,9 @@ struct DepthGlobalMapperOptions {
   int num_threads = -1;
 
   // Ablation: leave single stages out.
+  // The search for what moves before a background at rest, and the
+  // verification of its pairs without that; not in the paper.
+  bool skip_static_background = false;
   // The search for depth maps that contradict nearly all pairs, and the
   // verification of their images' pairs without them; not in the paper.
   bool skip_depth_reliability = false;
@@ -111,10 +114,11 @@ class DepthGlobalMapper {
  private:
   using ImageIds = std::vector<colmap::image_t>;
 
+  // Leaves out the key points at rest where more pairs are valid without.
+  void DropStaticBackground(PairGeometries* pairs);
   void DropUnreliableDepths(PairGeometries* pairs);
   // Verifies pairs once more, with other cameras or fewer depth maps.
   void VerifyAgain(const std::vector<colmap::image_pair_t>& pair_ids,
-                   const CameraMap& cameras,
                    PairGeometries* pairs) const;
   void FilterPairs(PairGeometries* pairs);
   void CalibrateAndReverify(PairGeometries* pairs);

@@ -276,6 +276,15 @@ PairGeometries VerifyPairs(const Scene& scene,
                            const KeypointDepthMap& depths,
                            const PairVerificationOptions& options,
                            const std::function<void()>& on_pair_done) {
+  return VerifyPairs(scene, scene.matches, depths, options, on_pair_done);
+}
+
+PairGeometries VerifyPairs(
+    const Scene& scene,
+    const std::map<colmap::image_pair_t, colmap::FeatureMatches>& matches,
+    const KeypointDepthMap& depths,
+    const PairVerificationOptions& options,
+    const std::function<void()>& on_pair_done) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
 
@@ -286,8 +295,8 @@ PairGeometries VerifyPairs(const Scene& scene,
   };
   PairGeometries pairs;
   std::vector<Item> items;
-  for (const auto& [pair_id, matches] : scene.matches) {
-    items.push_back({pair_id, &matches, &pairs[pair_id]});
+  for (const auto& [pair_id, pair_matches] : matches) {
+    items.push_back({pair_id, &pair_matches, &pairs[pair_id]});
   }
   std::stable_sort(
       items.begin(), items.end(), [](const Item& a, const Item& b) {

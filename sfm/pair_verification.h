@@ -84,4 +84,12 @@ PairGeometries VerifyPairs(const Scene& scene,
                            const PairVerificationOptions& options,
                            const std::function<void()>& on_pair_done = {});
 
+// As above, with these matches instead of the scene's.
+PairGeometries VerifyPairs(
+    const Scene& scene,
+    const std::map<colmap::image_pair_t, colmap::FeatureMatches>& matches,
+    const KeypointDepthMap& depths,
+    const PairVerificationOptions& options,
+    const std::function<void()>& on_pair_done = {});
+
 }  // namespace dgsfm

@@ -440,6 +440,7 @@ TEST(DepthGlobalMapper, EveryStageCanBeSwitchedOff) {
                               &Options::skip_reverification,
                               &Options::skip_scale_averaging,
                               &Options::skip_translation_averaging,
+                              &Options::skip_static_background,
                               &Options::skip_depth_reliability,
                               &Options::skip_global_positioning,
                               &Options::skip_bundle_adjustment,

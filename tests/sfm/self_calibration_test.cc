@@ -1,5 +1,6 @@
 #include "sfm/self_calibration.h"
 
+#include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 
 #include <cmath>
@@ -169,6 +170,45 @@ TEST(FindCameraGroups, EachImageWithItsOwnCameraStaysFree) {
                                *scene.Posterior(),
                                scene.Model())
                   .empty());
+}
+
+// Whatever the origin of the world is: the coordinate that is held must be one
+// that tells the scale.
+TEST(AdjustBundle, KeepsTheScale) {
+  const AdjustedScene scene(1);
+  for (const double offset : {0.0, 10.0, 30.0}) {
+    for (const int coordinate : {0, 1, 2}) {
+      const Eigen::Vector3d shift = offset * Eigen::Vector3d::Unit(coordinate);
+      colmap::Reconstruction model = scene.Model();
+      for (const colmap::image_t image_id : model.RegImageIds()) {
+        Rigid3d pose = CamFromWorld(model.Image(image_id));
+        pose.translation +=
+            Eigen::Vector3d(0.05, -0.05, 0.05) * (image_id % 2 == 0 ? 1 : -1) -
+            pose.rotation * shift;
+        SetCamFromWorld(pose, &model.Image(image_id));
+      }
+      for (const colmap::point3D_t point_id : model.Point3DIds()) {
+        colmap::Point3D& point = model.Point3D(point_id);
+        point.SetXYZ(point.XYZ() + shift);
+      }
+      const auto diameter = [&model] {
+        double distance = 0;
+        for (const colmap::image_t image_id : model.RegImageIds()) {
+          distance = std::max(
+              distance,
+              (CamFromWorld(model.Image(image_id)).TargetOriginInSource() -
+               CamFromWorld(model.Image(1)).TargetOriginInSource())
+                  .norm());
+        }
+        return distance;
+      };
+      const double start_diameter = diameter();
+      const BundleAdjustmentOptions options;
+      ASSERT_TRUE(AdjustBundle(options, 1, 1, scene.Beliefs(), {}, &model));
+      // The start is off by a hundredth of the diameter.
+      EXPECT_NEAR(diameter() / start_diameter, 1, 0.03);
+    }
+  }
 }
 
 TEST(AdjustBundle, SoftGroupsPullTogether) {
