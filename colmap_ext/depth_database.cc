@@ -386,6 +386,30 @@ std::map<colmap::image_pair_t, PairStatus> DepthDatabase::ReadPairStatuses()
   return statuses;
 }
 
+void DepthDatabase::WriteIsDisplayed(colmap::image_t image_id,
+                                     bool is_displayed) {
+  impl_->RunWrite([&] {
+    CreateDisplayedImageTable(impl_->connection);
+    SqliteStatement(
+        impl_->connection,
+        is_displayed ? "INSERT OR IGNORE INTO dgsfm_displayed_images VALUES (?)"
+                     : "DELETE FROM dgsfm_displayed_images WHERE image_id = ?")
+        .BindInt(1, image_id)
+        .Run();
+  });
+}
+
+std::set<colmap::image_t> DepthDatabase::ReadDisplayedImages() const {
+  std::set<colmap::image_t> image_ids;
+  if (!impl_->connection.HasTable("dgsfm_displayed_images")) return image_ids;
+  SqliteStatement select(impl_->connection,
+                         "SELECT image_id FROM dgsfm_displayed_images");
+  while (select.Step()) {
+    image_ids.insert(static_cast<colmap::image_t>(select.Int(0)));
+  }
+  return image_ids;
+}
+
 void DepthDatabase::BeginTransaction() {
   DGSFM_CHECK(impl_->mode == Mode::READ_WRITE) << impl_->connection.Path();
   DGSFM_CHECK(!impl_->transaction) << "transactions do not nest";

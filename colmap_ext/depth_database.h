@@ -15,6 +15,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -89,6 +90,11 @@ class DepthDatabase {
       const std::map<colmap::image_pair_t, PairStatus>& statuses);
   // Empty if no mapper has written any.
   std::map<colmap::image_pair_t, PairStatus> ReadPairStatuses() const;
+
+  // Images whose maps were made of them as viewers show them, and were turned
+  // back by EXIF: whoever imports maps says so of each of them.
+  void WriteIsDisplayed(colmap::image_t image_id, bool is_displayed);
+  std::set<colmap::image_t> ReadDisplayedImages() const;
 
   // Makes all writes until CommitTransaction() one transaction; without the
   // commit the destructor undoes them.

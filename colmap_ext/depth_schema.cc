@@ -56,6 +56,12 @@ CREATE TABLE IF NOT EXISTS dgsfm_pair_statuses (
   name    TEXT NOT NULL);
 )";
 
+constexpr char kCreateDisplayedImageTable[] = R"(
+CREATE TABLE IF NOT EXISTS dgsfm_displayed_images (
+  image_id INTEGER PRIMARY KEY NOT NULL
+           REFERENCES images(image_id) ON DELETE CASCADE);
+)";
+
 constexpr char kUpdateFromVersion1[] = R"(
 ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN focal_length REAL NOT NULL DEFAULT 0;
@@ -97,6 +103,10 @@ void CreateDepthTables(const SqliteConnection& connection) {
 
 void CreatePairStatusTable(const SqliteConnection& connection) {
   connection.Execute(kCreatePairStatusTable);
+}
+
+void CreateDisplayedImageTable(const SqliteConnection& connection) {
+  connection.Execute(kCreateDisplayedImageTable);
 }
 
 void UpdateDepthTables(const SqliteConnection& connection) {

@@ -17,6 +17,9 @@ void CreateDepthTables(const SqliteConnection& connection);
 // missing: only mappers write it.
 void CreatePairStatusTable(const SqliteConnection& connection);
 
+// The same for the table of images whose maps were turned back by EXIF.
+void CreateDisplayedImageTable(const SqliteConnection& connection);
+
 // Brings tables of an older version up to date: depth stays, pair geometries of
 // version 1 are dropped. Nothing happens without tables.
 void UpdateDepthTables(const SqliteConnection& connection);

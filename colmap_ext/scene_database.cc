@@ -101,7 +101,6 @@ class SceneReader {
     const SqliteTransaction snapshot(connection_,
                                      SqliteTransaction::Kind::READ);
     CheckIsColmapDatabase(connection_);
-    CheckRigs();
     ReadCameras();
     ReadImages();
     if (content == SceneContent::MATCHES) {
@@ -124,23 +123,6 @@ class SceneReader {
       scene_.matches.emplace_hint(
           scene_.matches.end(), pair.pair_id, std::move(matches));
     }
-  }
-
-  void CheckRigs() const {
-    if (!connection_.HasTable("rigs") || !connection_.HasTable("rig_sensors")) {
-      return;
-    }
-    SqliteStatement select(connection_, kMultiCameraRigQuery);
-    if (!select.Step()) return;
-    SqliteStatement images(connection_,
-                           "SELECT name FROM images WHERE camera_id = ? "
-                           "ORDER BY image_id LIMIT 1");
-    images.BindInt(1, select.Int(1));
-    throw connection_.Error()
-        << "rig " << select.Int(0)
-        << " has more than one camera (such as camera " << select.Int(1)
-        << (images.Step() ? " of image " + images.Text(0) : "")
-        << "); rigs are not supported, only images that move by themselves";
   }
 
   void ReadCameras() {
@@ -309,6 +291,25 @@ std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
   select.BindInt(1, image.ImageId());
   if (!select.Step()) return std::vector<Eigen::Vector2d>();
   return ReadPoints(connection, select, image.Name());
+}
+
+void CheckHasNoRig(const std::string& database_path) {
+  const SqliteConnection connection(database_path,
+                                    SqliteConnection::Mode::READ_ONLY);
+  if (!connection.HasTable("rigs") || !connection.HasTable("rig_sensors")) {
+    return;
+  }
+  SqliteStatement select(connection, kMultiCameraRigQuery);
+  if (!select.Step()) return;
+  SqliteStatement images(connection,
+                         "SELECT name FROM images WHERE camera_id = ? "
+                         "ORDER BY image_id LIMIT 1");
+  images.BindInt(1, select.Int(1));
+  throw connection.Error()
+      << "rig " << select.Int(0) << " has more than one camera (such as camera "
+      << select.Int(1) << (images.Step() ? " of image " + images.Text(0) : "")
+      << "); rigs are not supported: --ignore_rigs 1 maps their images as if "
+         "each moved by itself";
 }
 
 }  // namespace dgsfm

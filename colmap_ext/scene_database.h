@@ -17,8 +17,8 @@ namespace dgsfm {
 // Loads and validates a scene: indices in range, finite key points, known
 // cameras and camera models, no duplicate matches (duplicates are removed).
 // Throws std::runtime_error naming the file and the image or pair. The
-// database is opened read-only and must exist. Multi-camera rigs (COLMAP 3.12
-// and later) and camera models that COLMAP 3.8 lacks are refused by name.
+// database is opened read-only and must exist. Camera models that COLMAP 3.8
+// lacks are refused by name.
 Scene ReadScene(const std::string& database_path,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
 // The same with at most about max_num_keypoints matched key points an image:
@@ -38,6 +38,10 @@ Scene ReadSceneWithoutMatches(
 Scene ReadSceneWithoutFeatures(
     const std::string& database_path,
     std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+
+// Throws std::runtime_error naming the rig if images of several cameras move
+// together (COLMAP 3.12 and later), which Scene does not tell.
+void CheckHasNoRig(const std::string& database_path);
 
 // The key points of one image of the scene [px]; none if it has no row. Throws
 // as ReadScene().

@@ -120,7 +120,7 @@ class DenseMatchImport {
       progress.Step();
     }
     summary_.num_pairs = pairs_.size();
-    for (const auto& [pair_id, num_left_out] : num_left_out_) {
+    for (const auto& [group, num_left_out] : num_left_out_) {
       summary_.num_matches_left_out += num_left_out;
     }
     return std::move(summary_);
@@ -137,12 +137,10 @@ class DenseMatchImport {
       }
       const auto [image_id1, image_id2] = *images;
       const colmap::image_pair_t pair_id = PairIdOfImages(image_id1, image_id2);
-      const auto [other, is_new] =
-          pairs_.emplace(pair_id, PairSource{group, image_id1 > image_id2});
-      if (!is_new) {
-        throw std::runtime_error(file_.Path() + ": two groups of one pair, " +
-                                 other->second.group + " and " + group);
-      }
+      pairs_[pair_id].push_back({group, image_id1 > image_id2});
+    }
+    for (const auto& [pair_id, sources] : pairs_) {
+      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
       pairs_of_image_[image_id1].push_back(pair_id);
       pairs_of_image_[image_id2].push_back(pair_id);
     }
@@ -151,9 +149,6 @@ class DenseMatchImport {
           file_.Path() +
           ": no group is called after two images of the database" +
           (file_.Groups().empty() ? "" : ", such as " + file_.Groups()[0]));
-    }
-    for (auto& [image_id, pair_ids] : pairs_of_image_) {
-      std::sort(pair_ids.begin(), pair_ids.end());
     }
   }
 
@@ -165,8 +160,8 @@ class DenseMatchImport {
   }
 
   // The matches that are kept, the first points those of the smaller id.
-  DenseMatches ReadPair(colmap::image_pair_t pair_id) {
-    const PairSource& source = pairs_.at(pair_id);
+  DenseMatches ReadSource(colmap::image_pair_t pair_id,
+                          const PairSource& source) {
     DenseMatches all = file_.Read(source.group);
     if (source.is_swapped) std::swap(all.points1, all.points2);
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
@@ -185,7 +180,7 @@ class DenseMatchImport {
       kept.points1.push_back(point1);
       kept.points2.push_back(point2);
     }
-    num_left_out_[pair_id] = all.points1.size() - kept.points1.size();
+    num_left_out_[source.group] = all.points1.size() - kept.points1.size();
     return kept;
   }
 
@@ -193,13 +188,18 @@ class DenseMatchImport {
                       const std::vector<colmap::image_pair_t>& pair_ids) {
     KeypointMerger merger(options_.merge_radius_px);
     for (const colmap::image_pair_t pair_id : pair_ids) {
-      const DenseMatches matches = ReadPair(pair_id);
       const bool is_first = ImageIdsOfPair(pair_id).first == image_id;
-      const auto& points = is_first ? matches.points1 : matches.points2;
-      summary_.num_points += points.size();
+      std::vector<uint32_t> indices;
+      for (const PairSource& source : pairs_.at(pair_id)) {
+        const DenseMatches matches = ReadSource(pair_id, source);
+        const auto& points = is_first ? matches.points1 : matches.points2;
+        summary_.num_points += points.size();
+        const std::vector<uint32_t> added = merger.AddPair(points);
+        indices.insert(indices.end(), added.begin(), added.end());
+      }
       insert_indices_.BindInt(1, static_cast<int64_t>(pair_id))
           .BindInt(2, image_id)
-          .BindBlob(3, merger.AddPair(points))
+          .BindBlob(3, indices)
           .Run();
     }
     std::vector<float> data;
@@ -235,21 +235,28 @@ class DenseMatchImport {
     // The file may change while it is read.
     if (indices1.size() != indices2.size()) {
       throw std::runtime_error(file_.Path() + ": pair " +
-                               pairs_.at(pair_id).group +
+                               pairs_.at(pair_id).front().group +
                                " changed during the import");
     }
+    // Both directions of a pair have many matches in common.
+    std::set<std::pair<uint32_t, uint32_t>> known;
+    const bool may_repeat = pairs_.at(pair_id).size() > 1;
     std::vector<uint32_t> data;
     data.reserve(2 * indices1.size());
     for (size_t i = 0; i < indices1.size(); ++i) {
+      if (may_repeat && !known.emplace(indices1[i], indices2[i]).second) {
+        continue;
+      }
       data.push_back(indices1[i]);
       data.push_back(indices2[i]);
     }
-    summary_.num_matches += indices1.size();
+    const size_t num_matches = data.size() / 2;
+    summary_.num_matches += num_matches;
     SqliteStatement(connection_,
                     "INSERT INTO matches(pair_id, rows, cols, data) "
                     "VALUES(?, ?, 2, ?)")
         .BindInt(1, static_cast<int64_t>(pair_id))
-        .BindInt(2, static_cast<int64_t>(indices1.size()))
+        .BindInt(2, static_cast<int64_t>(num_matches))
         .BindBlob(3, data)
         .Run();
   }
@@ -260,9 +267,10 @@ class DenseMatchImport {
   const SqliteConnection& connection_;
   SqliteStatement insert_indices_;
   SqliteStatement select_indices_;
-  std::map<colmap::image_pair_t, PairSource> pairs_;
+  // Both directions of a pair, or one.
+  std::map<colmap::image_pair_t, std::vector<PairSource>> pairs_;
   std::map<colmap::image_t, std::vector<colmap::image_pair_t>> pairs_of_image_;
-  std::map<colmap::image_pair_t, size_t> num_left_out_;
+  std::map<std::string, size_t> num_left_out_;  // by group
   DenseMatchImportSummary summary_;
 };
 

@@ -40,7 +40,8 @@ struct DenseMatchImportSummary {
 // Reads the pairs of a DenseMatchFile. A group is called "NAME1<>NAME2",
 // "NAME1_NAME2", "NAME1-NAME2" or "NAME1/NAME2" after two images of the
 // database, with their folders or, where that is unique, without them, and '/'
-// in a name as '/' or '-'; groups of other names are listed.
+// in a name as '/' or '-'; groups of other names are listed. Several groups of
+// one pair, such as both directions, are merged.
 //
 // Key points get two columns, so COLMAP of every version reads them. Existing
 // key points and matches are refused unless `overwrite` replaces them, with

@@ -12,11 +12,13 @@
 #include "estimators/median.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iomanip>
 #include <iterator>
 #include <map>
 #include <mutex>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -73,6 +75,17 @@ uint64_t SourceFingerprint(const DepthFile& file,
   return hash.Value();
 }
 
+bool LookLikeMillimetres(const DepthMap& depth_map,
+                         double median_depth,
+                         const DepthReadOptions& options) {
+  constexpr double kMaxMetricDepth = 200;
+  return options.type != DepthType::INVERSE && options.scale == 1 &&
+         options.unit == DepthUnit::METRIC && median_depth > kMaxMetricDepth &&
+         std::all_of(depth_map.values.begin(),
+                     depth_map.values.end(),
+                     [](float depth) { return depth == std::floor(depth); });
+}
+
 ImageDepth ReadImageDepth(const DepthFile& file,
                           const std::vector<Eigen::Vector2d>& keypoints,
                           const colmap::Camera& camera,
@@ -97,6 +110,8 @@ ImageDepth ReadImageDepth(const DepthFile& file,
   if (!known_depths.empty()) {
     result.summary.median_depth = Median(std::move(known_depths));
   }
+  result.summary.looks_like_millimetres = LookLikeMillimetres(
+      depth_map, result.summary.median_depth, options.reading);
   result.summary.focal_length_px = imported.focal_length_px;
   result.summary.is_stretched = imported.is_stretched;
   if (!options.keypoints_only) result.depth_map = CompressDepth(depth_map);
@@ -117,7 +132,8 @@ class FileImport {
       : scene_(scene),
         options_(options),
         connection_(database_path, SqliteConnection::Mode::READ_ONLY),
-        database_(database) {}
+        database_(database),
+        displayed_images_(database->ReadDisplayedImages()) {}
 
   void Run(const std::vector<std::pair<colmap::image_t, DepthFile>>& files,
            DepthImportSummary* summary) {
@@ -167,6 +183,7 @@ class FileImport {
       database_->BeginTransaction();
       database_->DeleteAllPairGeometries();
     }
+    const bool is_displayed = !options_.displayed_image_path.empty();
     for (ImageDepth& image : *batch) {
       const colmap::image_t image_id = (file++)->first;
       if (!image.error.empty()) {
@@ -179,6 +196,9 @@ class FileImport {
         database_->WriteCompressedDepthMap(
             image_id, image.depth_map, image.keypoint_depths);
       }
+      if (is_displayed || displayed_images_.count(image_id) > 0) {
+        database_->WriteIsDisplayed(image_id, is_displayed);
+      }
       summary->imported.push_back(std::move(image.summary));
     }
     if (is_any_read) database_->CommitTransaction();
@@ -189,6 +209,8 @@ class FileImport {
   std::mutex connection_mutex_;
   const SqliteConnection connection_;
   DepthDatabase* database_;
+  // Of an import before.
+  const std::set<colmap::image_t> displayed_images_;
 };
 
 // Gives each file the orientation of its image.
@@ -252,6 +274,16 @@ std::string DepthImportSummary::ToText() const {
     text << num_unchanged
          << " images were imported from the same files before "
             "(--overwrite 1 imports them again)\n";
+  }
+  const auto num_millimetres =
+      std::count_if(imported.begin(), imported.end(), [](const Image& image) {
+        return image.looks_like_millimetres;
+      });
+  if (num_millimetres > 0) {
+    text << "warning: " << num_millimetres
+         << " maps hold whole numbers above 200 in the median, as those of "
+            "sensors in millimetres: if so, import them with --depth_scale "
+            "0.001 (--overwrite 1)\n";
   }
   text << "imported " << imported.size() << " of "
        << imported.size() + failed.size() + num_unchanged +

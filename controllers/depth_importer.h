@@ -44,6 +44,9 @@ struct DepthImportSummary {
     double median_depth = 0;     // of these [unit of depth]
     double focal_length_px = 0;  // by the depth model, 0 = unknown
     bool is_stretched = false;   // another aspect than the image's
+    // Whether the numbers look like millimetres taken for metres: whole ones,
+    // of a median that no camera sees in metres.
+    bool looks_like_millimetres = false;
   };
   struct Failure {
     std::string name;
@@ -61,9 +64,10 @@ struct DepthImportSummary {
   size_t num_kept = 0;
   std::vector<std::string> files_without_image;
 
-  // One line per image, failure, file without image and image without depth;
-  // the last line is "imported N of M images, K key points with depth (P %)",
-  // where P refers to the key points of the imported images.
+  // One line per image, failure, file without image and image without depth,
+  // one of warning if maps look like millimetres; the last line is "imported N
+  // of M images, K key points with depth (P %)", where P refers to the key
+  // points of the imported images.
   std::string ToText() const;
 };
 

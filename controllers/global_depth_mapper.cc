@@ -5,14 +5,17 @@
 #include "colmap_ext/image_orientation.h"
 #include "colmap_ext/model_writer.h"
 #include "colmap_ext/output_file.h"
+#include "colmap_ext/scene_database.h"
 #include "controllers/commands.h"
 #include "controllers/dense_pair_verification.h"
 #include "controllers/mapper_report.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 
+#include <cmath>
 #include <filesystem>
 #include <iostream>
+#include <set>
 #include <stdexcept>
 
 #include <glog/logging.h>
@@ -72,11 +75,17 @@ void WarnOfPosePriors(const GlobalDepthMapperOptions& options) {
 }
 
 // Maps of images turned by a quarter have another shape, and were refused.
-void WarnOfTurnedImages(const std::string& image_path,
+void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
                         const Scene& scene,
                         const KeypointDepthMap& depths) {
+  const std::string& image_path = options.image_path;
+  const std::set<colmap::image_t> turned_back =
+      DepthDatabase(options.verifier.database_path,
+                    DepthDatabase::Mode::READ_ONLY)
+          .ReadDisplayedImages();
   std::vector<std::string> names;
   for (const auto& [image_id, image_depths] : depths) {
+    if (turned_back.count(image_id) > 0) continue;
     const colmap::Image& image = scene.images.at(image_id);
     const colmap::Camera& camera = scene.cameras.at(image.CameraId());
     try {
@@ -97,6 +106,23 @@ void WarnOfTurnedImages(const std::string& image_path,
                   "depth_importer --displayed_image_path";
 }
 
+std::string UnitText(const MeasuredUnit& measured) {
+  const auto spread_percent =
+      std::lround(100 * std::expm1(measured.log_spread));
+  const std::string maps = std::to_string(measured.num_images) +
+                           " depth maps, whose scales differ by " +
+                           std::to_string(spread_percent) + " %";
+  switch (measured.unit) {
+    case ModelUnit::ARBITRARY:
+      return "unit arbitrary";
+    case ModelUnit::DEPTH_MAPS:
+      return "unit unknown: that of " + maps;
+    case ModelUnit::METRES:
+      break;
+  }
+  return "unit metres, by " + maps;
+}
+
 }  // namespace
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
@@ -111,6 +137,7 @@ bool GlobalDepthMapper::Run() {
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
+  if (!options_.ignore_rigs) CheckHasNoRig(options_.verifier.database_path);
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
@@ -122,7 +149,7 @@ bool GlobalDepthMapper::Run() {
   const KeypointDepthMap depths =
       LoadDepths(options_.verifier, scene.kept_keypoints, &stages);
   if (!options_.image_path.empty()) {
-    WarnOfTurnedImages(options_.image_path, scene, depths);
+    WarnOfTurnedImages(options_, scene, depths);
   }
   PairScores scores;
   if (!options_.pair_scores_path.empty()) {
@@ -146,6 +173,10 @@ bool GlobalDepthMapper::Run() {
   std::cout << "registered " << num_registered << " of " << scene.images.size()
             << " images in " << result.models.size() << " models in "
             << options_.output_path << std::endl;
+  for (size_t i = 0; i < result.models.size(); ++i) {
+    std::cout << "model " << i << ": " << result.models[i]->NumRegImages()
+              << " images, " << UnitText(result.units[i]) << std::endl;
+  }
   for (const auto& [image_id, reason] : result.unregistered_images) {
     std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "
               << reason << std::endl;

@@ -214,6 +214,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->use_exif,
                        "whether focal length and camera that EXIF data name "
                        "count where no prior focal length is given");
+  command_options->Add("ignore_rigs",
+                       &options->ignore_rigs,
+                       "whether images of rigs of several cameras are mapped "
+                       "as if each moved by itself, else they are refused");
   command_options->AddRequired(
       "output_path",
       &options->output_path,

@@ -15,6 +15,9 @@ struct GlobalDepthMapperOptions {
   std::string image_path;
   // Whether the EXIF data of images without a prior focal length count.
   bool use_exif = true;
+  // Whether images of rigs of several cameras are mapped as if each moved by
+  // itself; otherwise they are refused.
+  bool ignore_rigs = false;
   // Existing folder that receives 0/, 1/, ..., report.json and project.ini.
   std::string output_path;
   // File of pair scores, see ReadPairScores; empty = none.

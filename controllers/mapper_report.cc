@@ -123,9 +123,13 @@ void WriteMapperReport(const std::string& path,
     report["degenerate_valid_pairs"][PairDegeneracyName(degeneracy)] = count;
   }
   report["models"] = Json::array();
-  for (const auto& model : result.models) {
+  for (size_t i = 0; i < result.models.size(); ++i) {
     report["models"].push_back(
-        {{"images", model->NumRegImages()}, {"points", model->NumPoints3D()}});
+        {{"images", result.models[i]->NumRegImages()},
+         {"points", result.models[i]->NumPoints3D()},
+         {"unit", ModelUnitName(result.units[i].unit)},
+         {"images_with_depth_scale", result.units[i].num_images},
+         {"depth_scale_log_spread", result.units[i].log_spread}});
   }
   report["warnings"] = result.warnings;
   if (result.repeatability) {

@@ -340,6 +340,11 @@ GlobalPositioningSummary SolveGlobalPositioning(
                                                   &unit_points);
   };
   const PointMinimizerSummary found = minimize();
+  if (!found.success) {
+    summary.message = "the solver found no usable solution";
+    return summary;
+  }
+  summary.converged = found.converged;
   summary.num_iterations = found.num_iterations;
   summary.initial_cost = found.initial_cost;
   summary.final_cost = found.final_cost;

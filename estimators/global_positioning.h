@@ -50,7 +50,10 @@ struct GlobalPositioningOptions {
 };
 
 struct GlobalPositioningSummary {
+  // Whether centres and points are finite and no worse than at the start.
   bool success = false;
+  // Whether it ended before max_num_iterations did.
+  bool converged = false;
   int num_iterations = 0;
   double initial_cost = 0;
   double final_cost = 0;

@@ -5,12 +5,14 @@
 #include "estimators/option_check.h"
 #include "sfm/camera_model_check.h"
 #include "sfm/depth_reliability.h"
-#include "sfm/metric_scale.h"
 #include "sfm/model_access.h"
 #include "sfm/static_background.h"
 
 #include <algorithm>
+#include <cmath>
+#include <iomanip>
 #include <set>
+#include <sstream>
 
 #include <glog/logging.h>
 
@@ -42,6 +44,28 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
         return model.Image(image_id1).NumPoints3D() <
                model.Image(image_id2).NumPoints3D();
       });
+}
+
+// Of an image whose pairs give it a rotation but no position.
+std::string WhyNotPositioned(colmap::image_t image_id,
+                             const PairGeometries& pairs) {
+  size_t num_valid = 0, num_rotation_only = 0;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.status != PairStatus::VALID ||
+        (image_id1 != image_id && image_id2 != image_id)) {
+      continue;
+    }
+    ++num_valid;
+    num_rotation_only += pair.Has(PairDegeneracy::ROTATION_ONLY);
+  }
+  if (2 * num_rotation_only <= num_valid) {
+    return "sees too few tracks to be positioned";
+  }
+  return std::to_string(num_rotation_only) + " of its " +
+         std::to_string(num_valid) +
+         " valid pairs show a rotation only: a position needs images from "
+         "other places, or depth";
 }
 
 // Whether the focal lengths of a pair may be far off: without depth, or where
@@ -127,6 +151,7 @@ DepthGlobalMapperResult DepthGlobalMapper::Run(PairGeometries* pairs) {
                    [](const auto& a, const auto& b) {
                      return a->NumRegImages() > b->NumRegImages();
                    });
+  MeasureUnits();
   ExplainMissingImages(*pairs);
   return std::move(result_);
 }
@@ -356,7 +381,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   for (int i = 0; i < index.Size(); ++i) {
     if (!model->IsImageRegistered(index.IdOf(i))) {
       result_.unregistered_images[index.IdOf(i)] =
-          "sees too few tracks to be positioned";
+          WhyNotPositioned(index.IdOf(i), *pairs);
     }
   }
 
@@ -465,6 +490,7 @@ bool DepthGlobalMapper::PositionModel(colmap::Reconstruction* model) {
   const size_t num_filtered = FilterObservationsByAngle(
       options_.refinement.max_angular_error_deg, model);
   timer.Add("iterations", summary.num_iterations)
+      .Add("converged", summary.converged)
       .Add("initial_cost", summary.initial_cost)
       .Add("final_cost", summary.final_cost)
       .Add("observations_filtered", double(num_filtered))
@@ -503,20 +529,25 @@ bool DepthGlobalMapper::AdjustModel(const CameraBeliefs& beliefs,
   return model->NumPoints3D() > 0;
 }
 
+std::unique_ptr<colmap::CorrespondenceGraph> DepthGlobalMapper::AgreeingMatches(
+    const PairGeometries& pairs, const colmap::Reconstruction& model) const {
+  auto graph = std::make_unique<colmap::CorrespondenceGraph>();
+  BuildCorrespondenceGraph(scene_,
+                           pairs,
+                           verification_,
+                           options_.refinement.max_epipolar_error_px,
+                           model,
+                           graph.get());
+  return graph;
+}
+
 void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
                                            PairGeometries* pairs,
                                            colmap::Reconstruction* model) {
-  std::unique_ptr<colmap::CorrespondenceGraph> graph;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
-    graph = std::make_unique<colmap::CorrespondenceGraph>();
-    BuildCorrespondenceGraph(scene_,
-                             *pairs,
-                             verification_,
-                             options_.refinement.max_epipolar_error_px,
-                             *model,
-                             graph.get());
-    const size_t num_gained = Retriangulate(options_.refinement, *graph, model);
+    const size_t num_gained = Retriangulate(
+        options_.refinement, *AgreeingMatches(*pairs, *model), model);
     const std::optional<double> rms =
         AdjustBundle(FinalAdjustment(),
                      options_.num_threads,
@@ -542,7 +573,7 @@ void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
       break;
     }
   }
-  JudgePairsByModel(*model, *graph, pairs);
+  JudgePairsByModel(*model, pairs);
   if (options_.measure_repeatability && !result_.repeatability) {
     StageTimer timer("repeatability");
     result_.repeatability = SplitHalfRepeatability(
@@ -623,10 +654,9 @@ void DepthGlobalMapper::CalibrateCameras(CameraBeliefs* beliefs,
 }
 
 // Of pairs between images of the model only: about others it knows nothing.
-void DepthGlobalMapper::JudgePairsByModel(
-    const colmap::Reconstruction& model,
-    const colmap::CorrespondenceGraph& graph,
-    PairGeometries* pairs) {
+void DepthGlobalMapper::JudgePairsByModel(const colmap::Reconstruction& model,
+                                          PairGeometries* pairs) {
+  const auto graph = AgreeingMatches(*pairs, model);
   const auto is_registered = [&](colmap::image_t image_id) {
     return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
   };
@@ -634,7 +664,7 @@ void DepthGlobalMapper::JudgePairsByModel(
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     if (!is_registered(image_id1) || !is_registered(image_id2)) continue;
     const bool agrees =
-        graph.NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
+        graph->NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
     if (agrees && pair.status != PairStatus::VALID) {
       result_.readmitted_pairs.emplace(pair_id, pair.status);
       pair.status = PairStatus::VALID;
@@ -667,6 +697,23 @@ void DepthGlobalMapper::FinishModel(const ImageCenters& start_centers,
       .Add("scale_from_start", ScaleBetween(start_centers, CentersOf(*model)))
       .Add("images_with_scale", double(metric.num_images));
   timer.Finish(&result_.stages);
+}
+
+void DepthGlobalMapper::MeasureUnits() {
+  for (const auto& model : result_.models) {
+    const MeasuredUnit unit =
+        UnitOfModel(depths_, result_.depth_scales, *model);
+    result_.units.push_back(unit);
+    if (!unit.IsDoubtful()) continue;
+    std::ostringstream factor;
+    factor << std::setprecision(2) << std::exp(unit.log_spread);
+    Warn("The scales of the depth maps of a model with " +
+         std::to_string(model->NumRegImages()) +
+         " images differ by a factor of " + factor.str() +
+         " (one standard deviation): its unit is not metres. Check that the "
+         "maps are metric and belong to the images, or scale the model by "
+         "known positions (colmap model_aligner)");
+  }
 }
 
 void DepthGlobalMapper::Warn(const std::string& warning) {

@@ -6,6 +6,7 @@
 #include "sfm/camera_calibration.h"
 #include "sfm/camera_splitting.h"
 #include "sfm/component_averaging.h"
+#include "sfm/metric_scale.h"
 #include "sfm/model_refinement.h"
 #include "sfm/position_initialization.h"
 #include "sfm/self_calibration.h"
@@ -79,6 +80,8 @@ struct DepthGlobalMapperOptions {
 struct DepthGlobalMapperResult {
   // Largest first; each has at least min_model_size registered images.
   std::vector<std::unique_ptr<colmap::Reconstruction>> models;
+  // Of the models, in their order.
+  std::vector<MeasuredUnit> units;
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;
   std::map<colmap::camera_t, CameraResult> cameras;
@@ -153,12 +156,15 @@ class DepthGlobalMapper {
                           colmap::Reconstruction* model);
   // Of the adjustment of the complete model.
   BundleAdjustmentOptions FinalAdjustment() const;
+  std::unique_ptr<colmap::CorrespondenceGraph> AgreeingMatches(
+      const PairGeometries& pairs, const colmap::Reconstruction& model) const;
   void JudgePairsByModel(const colmap::Reconstruction& model,
-                         const colmap::CorrespondenceGraph& graph,
                          PairGeometries* pairs);
   // `start_centers` are those before positioning.
   void FinishModel(const ImageCenters& start_centers,
                    colmap::Reconstruction* model);
+  // Says what the sorted models are measured in.
+  void MeasureUnits();
   void ExplainMissingImages(const PairGeometries& pairs);
   void Warn(const std::string& warning);
   // Warns if nearly all pairs see planes, which leaves focal lengths open.

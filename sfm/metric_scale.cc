@@ -17,6 +17,9 @@ namespace {
 
 // Points below which the depth scale of an image is not measured.
 constexpr size_t kMinNumDepthsPerImage = 10;
+// Spread of log scales beyond which maps are no measure. Sound ones, of
+// sensors and networks, have 0.01 to 0.3, maps of other images more.
+constexpr double kMaxLogScaleSpread = 0.35;
 
 }  // namespace
 
@@ -69,6 +72,43 @@ double ScaleBetween(const ImageCenters& from, const ImageCenters& to) {
       Eigen::umeyama(from_points.leftCols(count), to_points.leftCols(count));
   const double scale = transform.topLeftCorner<3, 1>().norm();
   return std::isfinite(scale) ? scale : 0;
+}
+
+std::string ModelUnitName(ModelUnit unit) {
+  switch (unit) {
+    case ModelUnit::ARBITRARY:
+      return "arbitrary";
+    case ModelUnit::DEPTH_MAPS:
+      return "depth_maps";
+    case ModelUnit::METRES:
+      return "metres";
+  }
+  return "unknown";
+}
+
+bool MeasuredUnit::IsDoubtful() const {
+  return log_spread > kMaxLogScaleSpread;
+}
+
+MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
+                         const std::map<colmap::image_t, double>& depth_scales,
+                         const colmap::Reconstruction& model) {
+  MeasuredUnit result;
+  std::vector<double> log_scales;
+  size_t num_metric = 0;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    const auto scale = depth_scales.find(image_id);
+    if (scale == depth_scales.end()) continue;
+    log_scales.push_back(std::log(scale->second));
+    num_metric += depths.at(image_id).unit == DepthUnit::METRIC;
+  }
+  result.num_images = log_scales.size();
+  if (log_scales.empty()) return result;
+  result.log_spread = RobustStddev(log_scales, Median(log_scales));
+  result.unit = 2 * num_metric > log_scales.size() && !result.IsDoubtful()
+                    ? ModelUnit::METRES
+                    : ModelUnit::DEPTH_MAPS;
+  return result;
 }
 
 MetricScale NormalizeToDepth(const KeypointDepthMap& depths,

@@ -106,6 +106,24 @@ TEST_F(DenseMatchImporter, KeepsFeaturesUnlessToldOtherwise) {
   EXPECT_EQ(Import(options).num_matches, 1);
 }
 
+TEST_F(DenseMatchImporter, MergesBothDirectionsOfAPair) {
+  WritePair("x/a.jpg<>x/b_c.jpg", {1, 2, 3, 4, 5, 6, 7, 8});
+  // The first match again, within the merge radius, and another one.
+  WritePair("x/b_c.jpg<>x/a.jpg", {3.1f, 4, 1, 2.1f, 11, 12, 13, 14});
+  const DenseMatchImportSummary summary = Import();
+  EXPECT_EQ(summary.num_pairs, 1);
+  EXPECT_EQ(summary.num_matches, 3);
+  EXPECT_EQ(summary.num_points, 8);
+  EXPECT_EQ(summary.num_keypoints, 6);
+  const Scene scene = ReadScene(database_path_);
+  const auto& matches = scene.matches.at(PairIdOfImages(1, 2));
+  ASSERT_EQ(matches.size(), 3);
+  EXPECT_EQ(scene.images.at(1).Point2D(matches[2].point2D_idx1).XY(),
+            Eigen::Vector2d(13, 14));
+  EXPECT_EQ(scene.images.at(2).Point2D(matches[2].point2D_idx2).XY(),
+            Eigen::Vector2d(11, 12));
+}
+
 TEST_F(DenseMatchImporter, NamesWhatIsWrong) {
   WritePair("u.jpg<>v.jpg", {1, 2, 3, 4});
   ExpectError(
@@ -118,8 +136,6 @@ TEST_F(DenseMatchImporter, NamesWhatIsWrong) {
   ExpectError({"pair x/a.jpg<>x/b_c.jpg: no arrays keypoints0"});
   WritePair("x/a.jpg<>x/b_c.jpg", {1, 2, 3, 4, 5, 6}, "matches", 3);
   ExpectError({"matches.npz, pair x/a.jpg<>x/b_c.jpg", "is not N x 4"});
-  WritePair("x/b_c.jpg<>x/a.jpg", {1, 2, 3, 4});
-  ExpectError({"two groups of one pair"});
   EXPECT_EQ(RunForTest(RunDenseMatchImporter,
                        {"--database_path",
                         database_path_,

@@ -29,6 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr int kPinhole = 1;
 const std::vector<Eigen::Vector2d> kNoKeypoints;
@@ -80,6 +81,23 @@ class DepthImporter : public testing::Test {
   colmap::image_t image_id2_ = 0;
   colmap::image_t image_id3_ = 0;
 };
+
+TEST_F(DepthImporter, WarnsOfMillimetres) {
+  const std::string warning = "warning: 1 maps hold whole numbers";
+  WriteMap("sub/a.npy", 2310);
+  WriteMap("c.npy", 3);
+  EXPECT_THAT(Import().ToText(), HasSubstr(warning));
+  DepthImportOptions options;
+  options.overwrite = true;
+  options.reading.scale = 0.001;
+  EXPECT_THAT(Import(options).ToText(), Not(HasSubstr("warning")));
+  options.reading.scale = 1;
+  options.reading.unit = DepthUnit::RELATIVE;
+  EXPECT_THAT(Import(options).ToText(), Not(HasSubstr("warning")));
+  WriteMap("sub/a.npy", 2310.5);
+  options.reading.unit = DepthUnit::METRIC;
+  EXPECT_THAT(Import(options).ToText(), Not(HasSubstr("warning")));
+}
 
 TEST_F(DepthImporter, StoresFocalLengthOfTheDepthModel) {
   const auto add = [&](const std::string& name,

@@ -215,16 +215,26 @@ class DepthClients(unittest.TestCase):
             shown = ops.exif_transpose(stored)
             np.save(self.depth / "a.npy", np.asarray(shown))
             self.check_import("--displayed_image_path", images, "--overwrite", 1)
-            # The mapper tells of what the shape of the map cannot.
-            result = subprocess.run(
-                [
-                    COLMAP, "depth_global_mapper", "--database_path", self.database,
-                    "--image_path", images, "--output_path", self.path / "model",
-                ],
-                capture_output=True, text=True,
+            self.check_turned_warning(images, is_expected=False)
+            if orientation > 4:
+                continue
+            # The mapper warns of what the shape of the map does not show.
+            run(
+                "depth_importer", "--database_path", self.database,
+                "--depth_path", self.depth, "--overwrite", 1,
             )  # fmt: skip
-            is_warned = "--displayed_image_path" in result.stderr
-            self.assertEqual(is_warned, orientation in (2, 3, 4), result.stderr)
+            self.check_turned_warning(images, is_expected=orientation > 1)
+
+    def check_turned_warning(self, images, is_expected):
+        result = subprocess.run(
+            [
+                COLMAP, "depth_global_mapper", "--database_path", self.database,
+                "--image_path", images, "--output_path", self.path / "model",
+            ],
+            capture_output=True, text=True,
+        )  # fmt: skip
+        is_warned = "--displayed_image_path" in result.stderr
+        self.assertEqual(is_warned, is_expected, result.stderr)
 
     def test_bin_from_pycolmap(self):
         depth_map = pycolmap.DepthMap.from_array(DEPTH, 0.1, 10)
