@@ -178,8 +178,13 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("translation_averaging", &options->skip_translation_averaging);
   skip("global_positioning", &options->skip_global_positioning);
   skip("bundle_adjustment", &options->skip_bundle_adjustment);
+  skip("self_calibration", &options->skip_self_calibration);
+  skip("camera_ties", &options->skip_camera_ties);
+  skip("loss_adaptation", &options->skip_loss_adaptation);
   skip("retriangulation", &options->skip_retriangulation);
-  skip("camera_grouping", &options->skip_camera_grouping);
+  skip("match_completion", &options->skip_match_completion);
+  skip("pair_judging", &options->skip_pair_judging);
+  skip("rotation_alternatives", &options->averaging.skip_alternatives);
 }
 
 // The paper gives iterations; its authors' code ends them at this.
@@ -270,8 +275,11 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.skip_depth_reliability = true;
   mapper.skip_reverification = true;
   mapper.skip_translation_averaging = true;
+  mapper.averaging.skip_alternatives = true;
+  mapper.skip_self_calibration = true;
+  mapper.skip_loss_adaptation = true;
   mapper.skip_retriangulation = true;
-  mapper.skip_camera_grouping = true;
+  mapper.skip_pair_judging = true;
 
   ModelRefinementOptions& refinement = mapper.refinement;
   refinement.global_positioning.max_num_iterations = 100;

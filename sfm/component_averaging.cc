@@ -119,8 +119,9 @@ std::optional<RotationAverage> FindBestAverage(
   };
   std::vector<double> weight_factors(valid_pairs.size(), 1);
   std::optional<RotationAverage> best = average_with(weight_factors);
-  if (!best || KeepStrongOutliers(*best, valid_pairs, &weight_factors) <
-                   kMinNumStrongOutliers) {
+  if (!best || options.skip_alternatives ||
+      KeepStrongOutliers(*best, valid_pairs, &weight_factors) <
+          kMinNumStrongOutliers) {
     return best;
   }
   const MissingMatches missing_matches(scene, depths, pairs);

@@ -21,6 +21,9 @@ struct ComponentAveragingOptions {
   // max_rotation_error_deg after each [deg].
   int num_rotation_averaging_rounds = 2;
   double max_rotation_error_deg = 10.0;
+  // Whether averages that keep strong outliers are not tried, see
+  // AverageComponentRotations.
+  bool skip_alternatives = false;
   GraphAveragingOptions scale_averaging;
   // Pairs whose log scale ratio is off by more than this after averaging lose
   // their scale [1].

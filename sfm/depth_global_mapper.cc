@@ -68,6 +68,25 @@ std::string WhyNotPositioned(colmap::image_t image_id,
          "other places, or depth";
 }
 
+// The inliers of the valid pairs between registered images.
+void AddInliers(const PairGeometries& pairs,
+                const colmap::Reconstruction& model,
+                colmap::CorrespondenceGraph* graph) {
+  for (const auto& [image_id, image] : model.Images()) {
+    graph->AddImage(image_id, image.NumPoints2D());
+  }
+  const auto is_registered = [&](colmap::image_t image_id) {
+    return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
+  };
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.status == PairStatus::VALID && is_registered(image_id1) &&
+        is_registered(image_id2)) {
+      graph->AddCorrespondences(image_id1, image_id2, pair.inlier_matches);
+    }
+  }
+}
+
 // Whether the focal lengths of a pair may be far off: without depth, or where
 // its matches do not tell them. The others gain nothing from averaged ones.
 bool LacksFocals(const PairGeometry& pair) {
@@ -256,11 +275,8 @@ void DepthGlobalMapper::FilterPairs(PairGeometries* pairs) {
 void DepthGlobalMapper::CalibrateAndReverify(PairGeometries* pairs) {
   if (options_.skip_focal_averaging) return;
   StageTimer timer("focal_averaging");
-  result_.focals = AverageFocalsOfCameras(*pairs,
-                                          depths_,
-                                          options_.view_graph_calibration,
-                                          !options_.skip_camera_grouping,
-                                          &scene_);
+  result_.focals = AverageFocalsOfCameras(
+      *pairs, depths_, options_.view_graph_calibration, TiesCameras(), &scene_);
   std::map<FocalSource, size_t> num_cameras;
   for (const auto& [camera_id, focal] : result_.focals) {
     ++num_cameras[focal.source];
@@ -388,13 +404,7 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   CameraBeliefs beliefs = beliefs_;
   final_loss_scale_px_ = options_.refinement.bundle_adjustment.loss_scale_px;
   const bool success = RefineModel(&beliefs, model.get());
-  if (success && !options_.skip_retriangulation) {
-    final_loss_scale_px_ =
-        AdaptedLossScale(options_.refinement.bundle_adjustment, *model);
-    if (!options_.skip_camera_grouping) CalibrateCameras(&beliefs, model.get());
-    RetriangulateModel(beliefs, pairs, model.get());
-    HoldImplausibleCameras(&beliefs, model.get());
-  }
+  if (success) CompleteModel(&beliefs, pairs, model.get());
   FinishModel(start_centers, model.get());
   if (!success || model->NumRegImages() < size_t(options_.min_model_size)) {
     for (const colmap::image_t image_id : model->RegImageIds()) {
@@ -425,9 +435,40 @@ std::unique_ptr<colmap::Reconstruction> DepthGlobalMapper::MapComponent(
   return model;
 }
 
+bool DepthGlobalMapper::TiesCameras() const {
+  return !options_.skip_self_calibration && !options_.skip_camera_ties;
+}
+
+bool DepthGlobalMapper::HasFinalAdjustment() const {
+  return !options_.skip_self_calibration || !options_.skip_loss_adaptation ||
+         !options_.skip_retriangulation;
+}
+
+void DepthGlobalMapper::CompleteModel(CameraBeliefs* beliefs,
+                                      PairGeometries* pairs,
+                                      colmap::Reconstruction* model) {
+  if (!options_.skip_loss_adaptation) {
+    final_loss_scale_px_ =
+        AdaptedLossScale(options_.refinement.bundle_adjustment, *model);
+  }
+  if (!options_.skip_self_calibration) CalibrateCameras(beliefs, model);
+  if (!options_.skip_retriangulation) {
+    RetriangulateModel(*beliefs, *pairs, model);
+  } else if (HasFinalAdjustment()) {
+    StageTimer timer("final_adjustment");
+    AdjustAgain(*beliefs, model, &timer);
+    timer.Finish(&result_.stages);
+  }
+  if (!options_.skip_pair_judging) JudgePairsByModel(*model, pairs);
+  if (options_.measure_repeatability && !result_.repeatability) {
+    MeasureRepeatability(*beliefs, *model);
+  }
+  if (HasFinalAdjustment()) HoldImplausibleCameras(beliefs, model);
+}
+
 bool DepthGlobalMapper::RefineModel(CameraBeliefs* beliefs,
                                     colmap::Reconstruction* model) {
-  if (options_.skip_camera_grouping) {
+  if (!TiesCameras()) {
     return PositionModel(model) && AdjustModel(*beliefs, model);
   }
   // Few images may leave a group at once: the others say what is wrong.
@@ -504,7 +545,7 @@ bool DepthGlobalMapper::AdjustModel(const CameraBeliefs& beliefs,
   if (options_.skip_bundle_adjustment) return true;
   const int num_rounds = options_.refinement.num_bundle_adjustment_rounds;
   BundleAdjustmentOptions adjustment = options_.refinement.bundle_adjustment;
-  if (!options_.skip_retriangulation) {
+  if (HasFinalAdjustment()) {
     adjustment.function_tolerance =
         std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
   }
@@ -529,43 +570,55 @@ bool DepthGlobalMapper::AdjustModel(const CameraBeliefs& beliefs,
   return model->NumPoints3D() > 0;
 }
 
-std::unique_ptr<colmap::CorrespondenceGraph> DepthGlobalMapper::AgreeingMatches(
-    const PairGeometries& pairs, const colmap::Reconstruction& model) const {
+std::unique_ptr<colmap::CorrespondenceGraph>
+DepthGlobalMapper::CandidateMatches(const PairGeometries& pairs,
+                                    const colmap::Reconstruction& model) const {
   auto graph = std::make_unique<colmap::CorrespondenceGraph>();
-  BuildCorrespondenceGraph(scene_,
-                           pairs,
-                           verification_,
-                           options_.refinement.max_epipolar_error_px,
-                           model,
-                           graph.get());
+  if (options_.skip_match_completion) {
+    AddInliers(pairs, model, graph.get());
+  } else {
+    BuildCorrespondenceGraph(scene_,
+                             pairs,
+                             verification_,
+                             options_.refinement.max_epipolar_error_px,
+                             model,
+                             graph.get());
+  }
   return graph;
 }
 
+size_t DepthGlobalMapper::AdjustAgain(const CameraBeliefs& beliefs,
+                                      colmap::Reconstruction* model,
+                                      StageTimer* timer) {
+  const std::optional<double> rms =
+      AdjustBundle(FinalAdjustment(),
+                   options_.num_threads,
+                   AnchorImage(*model),
+                   beliefs,
+                   PriorsInNeed(options_.refinement, *model, depth_priors_),
+                   model);
+  const size_t num_filtered =
+      FilterObservations(options_.refinement, 1.0, model);
+  if (rms) {
+    timer->Add("rms_px", *rms);
+  } else {
+    LOG(WARNING) << "The final bundle adjustment failed";
+    timer->Add("adjustment_failed", 1);
+  }
+  timer->Add("observations_filtered", double(num_filtered))
+      .Add("points", double(model->NumPoints3D()));
+  return num_filtered;
+}
+
 void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
-                                           PairGeometries* pairs,
+                                           const PairGeometries& pairs,
                                            colmap::Reconstruction* model) {
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     const size_t num_gained = Retriangulate(
-        options_.refinement, *AgreeingMatches(*pairs, *model), model);
-    const std::optional<double> rms =
-        AdjustBundle(FinalAdjustment(),
-                     options_.num_threads,
-                     AnchorImage(*model),
-                     beliefs,
-                     PriorsInNeed(options_.refinement, *model, depth_priors_),
-                     model);
-    const size_t num_filtered =
-        FilterObservations(options_.refinement, 1.0, model);
+        options_.refinement, *CandidateMatches(pairs, *model), model);
     timer.Add("observations_gained", double(num_gained));
-    if (rms) {
-      timer.Add("rms_px", *rms);
-    } else {
-      LOG(WARNING) << "Bundle adjustment after the retriangulation failed";
-      timer.Add("adjustment_failed", 1);
-    }
-    timer.Add("observations_filtered", double(num_filtered))
-        .Add("points", double(model->NumPoints3D()));
+    const size_t num_filtered = AdjustAgain(beliefs, model, &timer);
     timer.Finish(&result_.stages);
     const double num_observations = double(model->ComputeNumObservations());
     if (double(num_gained + num_filtered) <
@@ -573,16 +626,17 @@ void DepthGlobalMapper::RetriangulateModel(const CameraBeliefs& beliefs,
       break;
     }
   }
-  JudgePairsByModel(*model, pairs);
-  if (options_.measure_repeatability && !result_.repeatability) {
-    StageTimer timer("repeatability");
-    result_.repeatability = SplitHalfRepeatability(
-        SelfCalibration().adjust,
-        options_.refinement.bundle_adjustment.max_num_iterations,
-        beliefs,
-        *model);
-    timer.Finish(&result_.stages);
-  }
+}
+
+void DepthGlobalMapper::MeasureRepeatability(
+    const CameraBeliefs& beliefs, const colmap::Reconstruction& model) {
+  StageTimer timer("repeatability");
+  result_.repeatability = SplitHalfRepeatability(
+      SelfCalibration().adjust,
+      options_.refinement.bundle_adjustment.max_num_iterations,
+      beliefs,
+      model);
+  timer.Finish(&result_.stages);
 }
 
 BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
@@ -590,7 +644,7 @@ BundleAdjustmentOptions DepthGlobalMapper::FinalAdjustment() const {
   adjustment.loss_scale_px = final_loss_scale_px_;
   adjustment.intrinsics.refine_principal_point =
       options_.refinement.refine_principal_point &&
-      !options_.skip_camera_grouping;
+      !options_.skip_self_calibration;
   return adjustment;
 }
 
@@ -623,6 +677,7 @@ void DepthGlobalMapper::HoldImplausibleCameras(CameraBeliefs* beliefs,
 SelfCalibrationOptions DepthGlobalMapper::SelfCalibration() {
   SelfCalibrationOptions options;
   options.grouping = options_.camera_grouping;
+  options.tie_cameras = TiesCameras();
   options.bundle_adjustment = FinalAdjustment();
   options.adjust = [this](const CameraBeliefs& beliefs,
                           int max_num_iterations,
@@ -656,7 +711,13 @@ void DepthGlobalMapper::CalibrateCameras(CameraBeliefs* beliefs,
 // Of pairs between images of the model only: about others it knows nothing.
 void DepthGlobalMapper::JudgePairsByModel(const colmap::Reconstruction& model,
                                           PairGeometries* pairs) {
-  const auto graph = AgreeingMatches(*pairs, model);
+  auto graph = std::make_unique<colmap::CorrespondenceGraph>();
+  BuildCorrespondenceGraph(scene_,
+                           *pairs,
+                           verification_,
+                           options_.refinement.max_epipolar_error_px,
+                           model,
+                           graph.get());
   const auto is_registered = [&](colmap::image_t image_id) {
     return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
   };

@@ -67,12 +67,23 @@ struct DepthGlobalMapperOptions {
   bool skip_translation_averaging = false;
   bool skip_global_positioning = false;
   bool skip_bundle_adjustment = false;
-  // Completion of tracks after bundle adjustment, not in the paper either.
+  // The following are not in the paper.
+  // Self-calibration: ties between cameras, see below, and free principal
+  // points (also refinement.refine_principal_point alone).
+  bool skip_self_calibration = false;
+  // Averaged focal lengths of cameras of one kind are drawn together, such
+  // cameras share their intrinsics, and images that contradict theirs leave
+  // them.
+  bool skip_camera_ties = false;
+  // The loss scale of the final adjustments by the model's errors.
+  bool skip_loss_adaptation = false;
+  // Completion of tracks after bundle adjustment.
   bool skip_retriangulation = false;
-  // Self-calibration over several cameras: averaged focal lengths of one kind
-  // are drawn together, cameras of one kind share their intrinsics, and
-  // principal points are freed. The paper takes all cameras as unrelated.
-  bool skip_camera_grouping = false;
+  // All matches that agree with the model are candidates of the completion,
+  // else only the inliers of valid pairs.
+  bool skip_match_completion = false;
+  // The finished model has the last word on which pairs are valid.
+  bool skip_pair_judging = false;
 
   bool IsValid(std::string* error) const;
 };
@@ -151,12 +162,28 @@ class DepthGlobalMapper {
   // Keeps images whose cameras ran away, by holding these.
   void HoldImplausibleCameras(CameraBeliefs* beliefs,
                               colmap::Reconstruction* model);
+  // Whether cameras of one kind share their intrinsics.
+  bool TiesCameras() const;
+  // Calibrates and completes an adjusted model, and judges pairs by it.
+  void CompleteModel(CameraBeliefs* beliefs,
+                     PairGeometries* pairs,
+                     colmap::Reconstruction* model);
+  // The adjustment of the complete model and the filter of observations after
+  // it, whose number it returns.
+  size_t AdjustAgain(const CameraBeliefs& beliefs,
+                     colmap::Reconstruction* model,
+                     StageTimer* timer);
+  // Whether an adjustment with FinalAdjustment() follows the first ones.
+  bool HasFinalAdjustment() const;
   void RetriangulateModel(const CameraBeliefs& beliefs,
-                          PairGeometries* pairs,
+                          const PairGeometries& pairs,
                           colmap::Reconstruction* model);
+  void MeasureRepeatability(const CameraBeliefs& beliefs,
+                            const colmap::Reconstruction& model);
   // Of the adjustment of the complete model.
   BundleAdjustmentOptions FinalAdjustment() const;
-  std::unique_ptr<colmap::CorrespondenceGraph> AgreeingMatches(
+  // Matches that tracks may be completed with.
+  std::unique_ptr<colmap::CorrespondenceGraph> CandidateMatches(
       const PairGeometries& pairs, const colmap::Reconstruction& model) const;
   void JudgePairsByModel(const colmap::Reconstruction& model,
                          PairGeometries* pairs);

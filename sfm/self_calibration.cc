@@ -191,7 +191,8 @@ CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
                     return beliefs.GroupOf(camera.first) == nullptr;
                   });
   std::vector<CameraGroup> groups;
-  if (has_untied) groups = FindNewGroups(options, beliefs, &calibrated);
+  if (has_untied && options.tie_cameras)
+    groups = FindNewGroups(options, beliefs, &calibrated);
   CameraBeliefs learned = WithGroups(beliefs, groups);
   learned.held_principal_points =
       HeldPrincipalPoints(options, learned, calibrated);

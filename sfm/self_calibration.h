@@ -21,6 +21,8 @@ using ModelAdjuster = std::function<bool(const CameraBeliefs& beliefs,
 
 struct SelfCalibrationOptions {
   CameraGroupingOptions grouping;
+  // Whether groups are looked for among cameras that are in none.
+  bool tie_cameras = true;
   // Adjustment of the complete model, principal points free.
   BundleAdjustmentOptions bundle_adjustment;
   // Adjusts a model with these options.

@@ -58,7 +58,10 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   EXPECT_TRUE(mapper.skip_reverification);
   EXPECT_TRUE(mapper.skip_translation_averaging);
   EXPECT_TRUE(mapper.skip_retriangulation);
-  EXPECT_TRUE(mapper.skip_camera_grouping);
+  EXPECT_TRUE(mapper.skip_self_calibration);
+  EXPECT_TRUE(mapper.skip_loss_adaptation);
+  EXPECT_TRUE(mapper.skip_pair_judging);
+  EXPECT_TRUE(mapper.averaging.skip_alternatives);
   EXPECT_FALSE(options.use_exif);
 }
 

@@ -444,6 +444,11 @@ TEST(DepthGlobalMapper, EveryStageCanBeSwitchedOff) {
                               &Options::skip_depth_reliability,
                               &Options::skip_global_positioning,
                               &Options::skip_bundle_adjustment,
+                              &Options::skip_self_calibration,
+                              &Options::skip_camera_ties,
+                              &Options::skip_loss_adaptation,
+                              &Options::skip_match_completion,
+                              &Options::skip_pair_judging,
                               &Options::skip_retriangulation}) {
     Options options;
     options.*skip = true;
