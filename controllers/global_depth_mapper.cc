@@ -146,7 +146,7 @@ bool GlobalDepthMapper::Run() {
     CheckImagesExist(options_.image_path, scene);
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
   }
-  const KeypointDepthMap depths =
+  KeypointDepthMap depths =
       LoadDepths(options_.verifier, scene.kept_keypoints, &stages);
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_, scene, depths);
@@ -157,9 +157,16 @@ bool GlobalDepthMapper::Run() {
   }
   PairGeometries pairs = LoadOrVerifyPairs(scene, depths, &stages);
 
-  DepthGlobalMapper mapper(
-      options_.mapper, options_.verifier.verification, scene, depths, scores);
-  DepthGlobalMapperResult result = mapper.Run(&pairs);
+  // The report shows cameras as the database has them.
+  const CameraMap given_cameras = scene.cameras;
+  DepthGlobalMapperResult result =
+      RunGlobalMapping(options_.mapper,
+                       options_.verifier.verification,
+                       scores,
+                       &scene,
+                       &depths,
+                       &pairs);
+  scene.cameras = given_cameras;
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   StageModels(folder, &result);
   WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);

@@ -4,6 +4,7 @@
 
 #include "controllers/global_depth_mapper_options.h"
 #include "controllers/output_folder.h"
+#include "sfm/global_mapping.h"
 
 #include <vector>
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "controllers/depth_geometric_verifier.h"
-#include "sfm/depth_global_mapper.h"
+#include "sfm/global_mapping_options.h"
 
 #include <string>
 

@@ -3,7 +3,7 @@
 
 #pragma once
 
-#include "sfm/depth_global_mapper.h"
+#include "sfm/global_mapping.h"
 
 #include <string>
 

@@ -12,41 +12,45 @@ using Part = std::set<colmap::camera_t>;
 
 }  // namespace
 
-std::set<colmap::camera_t> SharedCameras(const Scene& scene) {
-  std::map<colmap::camera_t, int> num_images;
-  for (const auto& [image_id, image] : scene.images) {
-    ++num_images[image.CameraId()];
+ImageCameras CamerasOf(const Scene& scene,
+                       const std::vector<colmap::image_t>& image_ids) {
+  ImageCameras result;
+  for (const colmap::image_t image_id : image_ids) {
+    const colmap::camera_t camera_id = scene.images.at(image_id).CameraId();
+    result.camera_of_image[image_id] = camera_id;
+    result.cameras.emplace(camera_id, scene.cameras.at(camera_id));
   }
-  std::set<colmap::camera_t> shared;
-  for (const auto& [camera_id, count] : num_images) {
-    if (count > 1) shared.insert(camera_id);
+  colmap::camera_t own_id = scene.cameras.rbegin()->first;
+  for (const auto& [image_id, image] : scene.images) {
+    ++own_id;
+    if (result.camera_of_image.count(image_id) > 0) {
+      result.own_ids[image_id] = own_id;
+    }
+  }
+  return result;
+}
+
+std::set<colmap::camera_t> SharedCameras(const ImageCameras& cameras) {
+  std::set<colmap::camera_t> seen, shared;
+  for (const auto& [image_id, camera_id] : cameras.camera_of_image) {
+    if (!seen.insert(camera_id).second) shared.insert(camera_id);
   }
   return shared;
 }
 
 void SplitCameras(const std::set<colmap::camera_t>& camera_ids,
-                  Scene* scene,
-                  CameraOrigins* origins) {
-  if (camera_ids.empty()) return;
-  colmap::camera_t next_id = scene->cameras.rbegin()->first + 1;
+                  ImageCameras* cameras) {
   std::set<colmap::camera_t> seen;
-  for (auto& [image_id, image] : scene->images) {
-    const colmap::camera_t camera_id = image.CameraId();
+  for (auto& [image_id, camera_id] : cameras->camera_of_image) {
     if (camera_ids.count(camera_id) == 0 || seen.insert(camera_id).second) {
       continue;
     }
-    const colmap::camera_t new_id = next_id++;
-    colmap::Camera camera = scene->cameras.at(camera_id);
-    camera.SetCameraId(new_id);
-    scene->cameras.emplace(new_id, camera);
-    const auto exif = scene->exif.find(camera_id);
-    if (exif != scene->exif.end()) scene->exif[new_id] = exif->second;
-    const auto prior = scene->focal_priors.find(camera_id);
-    if (prior != scene->focal_priors.end()) {
-      scene->focal_priors[new_id] = prior->second;
-    }
-    image.SetCameraId(new_id);
-    (*origins)[new_id] = camera_id;
+    const colmap::camera_t own_id = cameras->own_ids.at(image_id);
+    colmap::Camera camera = cameras->cameras.at(camera_id);
+    camera.SetCameraId(own_id);
+    cameras->cameras.emplace(own_id, camera);
+    cameras->origins[own_id] = camera_id;
+    camera_id = own_id;
   }
 }
 
@@ -67,22 +71,21 @@ void AddSplitCameras(const CameraOrigins& origins, CameraBeliefs* beliefs) {
   }
 }
 
-void UntieImages(const Scene& scene,
-                 const CameraOrigins& origins,
+void UntieImages(const ImageCameras& cameras,
                  const std::vector<colmap::image_t>& image_ids,
                  std::vector<CameraGroup>* groups) {
   constexpr double kMaxUntiedShare = 0.25;
   std::map<colmap::camera_t, Part> cameras_of_entry;
-  for (const auto& [camera_id, origin] : origins) {
+  for (const auto& [camera_id, origin] : cameras.origins) {
     cameras_of_entry[origin].insert({origin, camera_id});
   }
   std::map<colmap::camera_t, size_t> num_images;
-  for (const auto& [image_id, image] : scene.images) {
-    ++num_images[image.CameraId()];
+  for (const auto& [image_id, camera_id] : cameras.camera_of_image) {
+    ++num_images[camera_id];
   }
   Part untied;
   for (const colmap::image_t image_id : image_ids) {
-    untied.insert(scene.images.at(image_id).CameraId());
+    untied.insert(cameras.camera_of_image.at(image_id));
   }
 
   std::vector<Part> parts;
@@ -119,11 +122,11 @@ void UntieImages(const Scene& scene,
   }
 }
 
-void UseCamerasOf(const Scene& scene, colmap::Reconstruction* model) {
+void UseCameras(const ImageCameras& cameras, colmap::Reconstruction* model) {
   for (const auto& [image_id, unused] : model->Images()) {
-    const colmap::camera_t camera_id = scene.images.at(image_id).CameraId();
+    const colmap::camera_t camera_id = cameras.camera_of_image.at(image_id);
     if (!model->ExistsCamera(camera_id)) {
-      model->AddCamera(scene.cameras.at(camera_id));
+      model->AddCamera(cameras.cameras.at(camera_id));
     }
     model->Image(image_id).SetCameraId(camera_id);
   }

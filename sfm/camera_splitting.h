@@ -13,16 +13,25 @@ namespace dgsfm {
 // The entry of the database that a camera was made of, by its id.
 using CameraOrigins = std::map<colmap::camera_t, colmap::camera_t>;
 
-// Cameras of images: those of more than one.
-std::set<colmap::camera_t> SharedCameras(const Scene& scene);
+// The cameras of some images, which start as those of the scene.
+struct ImageCameras {
+  CameraMap cameras;
+  std::map<colmap::image_t, colmap::camera_t> camera_of_image;
+  // Ids for cameras of their own, which no camera of the scene has: different
+  // for all images, so that parts of a scene can be split by themselves.
+  std::map<colmap::image_t, colmap::camera_t> own_ids;
+  CameraOrigins origins;
+};
+ImageCameras CamerasOf(const Scene& scene,
+                       const std::vector<colmap::image_t>& image_ids);
+
+// Cameras of more than one image.
+std::set<colmap::camera_t> SharedCameras(const ImageCameras& cameras);
 
 // Gives each image of some cameras a camera of its own, with the same
-// parameters, priors and EXIF data: the first image keeps the camera, the
-// others get ids beyond all others, in the order of their ids, which `origins`
-// lists.
+// parameters: the first image keeps the camera.
 void SplitCameras(const std::set<colmap::camera_t>& camera_ids,
-                  Scene* scene,
-                  CameraOrigins* origins);
+                  ImageCameras* cameras);
 
 // Gives cameras that were made of an entry the beliefs about that.
 void AddSplitCameras(const CameraOrigins& origins, CameraBeliefs* beliefs);
@@ -33,13 +42,12 @@ void AddSplitCameras(const CameraOrigins& origins, CameraBeliefs* beliefs);
 //
 // Entries that were split since the groups were formed count as groups of their
 // images.
-void UntieImages(const Scene& scene,
-                 const CameraOrigins& origins,
+void UntieImages(const ImageCameras& cameras,
                  const std::vector<colmap::image_t>& image_ids,
                  std::vector<CameraGroup>* groups);
 
-// Gives the images of a model the cameras that they have in a scene.
-void UseCamerasOf(const Scene& scene, colmap::Reconstruction* model);
+// Gives the images of a model their cameras.
+void UseCameras(const ImageCameras& cameras, colmap::Reconstruction* model);
 
 // Ids under which the cameras of a model are written: cameras that were made of
 // one entry and are in one rigid group become one again. The largest part of an

@@ -27,82 +27,95 @@ Scene TwoEntries() {
   return scene;
 }
 
-TEST(SplitCameras, EachImageGetsACameraWithAllThatIsKnown) {
-  Scene scene = TwoEntries();
-  EXPECT_EQ(SharedCameras(scene), std::set<colmap::camera_t>({1}));
-  CameraBeliefs beliefs = GivenBeliefs(scene);
-  CameraOrigins origins;
-  SplitCameras({1}, &scene, &origins);
-  EXPECT_TRUE(SharedCameras(scene).empty());
-  EXPECT_EQ(scene.images.at(1).CameraId(), 1);
-  EXPECT_EQ(scene.images.at(2).CameraId(), 6);
-  EXPECT_EQ(scene.images.at(9).CameraId(), 5);
-  EXPECT_EQ(origins.size(), 7);
-  EXPECT_EQ(origins.at(12), 1);
-  EXPECT_EQ(scene.cameras.at(12).CameraId(), 12);
-  EXPECT_EQ(scene.cameras.at(12).Params(), scene.cameras.at(1).Params());
+ImageCameras SplitEntries() {
+  ImageCameras cameras = CamerasOf(TwoEntries(), {1, 2, 3, 4, 5, 6, 7, 8, 9});
+  SplitCameras({1}, &cameras);
+  return cameras;
+}
 
-  AddSplitCameras(origins, &beliefs);
+TEST(SplitCameras, EachImageGetsACameraWithAllThatIsKnown) {
+  const Scene scene = TwoEntries();
+  EXPECT_EQ(SharedCameras(CamerasOf(scene, {1, 2, 9})),
+            std::set<colmap::camera_t>({1}));
+  const ImageCameras cameras = SplitEntries();
+  EXPECT_TRUE(SharedCameras(cameras).empty());
+  EXPECT_EQ(cameras.camera_of_image.at(1), 1);
+  EXPECT_EQ(cameras.camera_of_image.at(2), 7);
+  EXPECT_EQ(cameras.camera_of_image.at(9), 5);
+  EXPECT_EQ(cameras.origins.size(), 7);
+  EXPECT_EQ(cameras.origins.at(13), 1);
+  EXPECT_EQ(cameras.cameras.at(13).CameraId(), 13);
+  EXPECT_EQ(cameras.cameras.at(13).Params(), scene.cameras.at(1).Params());
+
+  CameraBeliefs beliefs = GivenBeliefs(scene);
+  AddSplitCameras(cameras.origins, &beliefs);
   EXPECT_EQ(beliefs.given.size(), 9);
-  EXPECT_EQ(beliefs.labels.at(12), beliefs.labels.at(1));
-  EXPECT_EQ(beliefs.focal_priors.at(12).focal_px, 500);
+  EXPECT_EQ(beliefs.labels.at(13), beliefs.labels.at(1));
+  EXPECT_EQ(beliefs.focal_priors.at(13).focal_px, 500);
+}
+
+TEST(SplitCameras, DoesNotDependOnTheOtherPartsOfAScene) {
+  ImageCameras first = CamerasOf(TwoEntries(), {1, 2, 3});
+  ImageCameras second = CamerasOf(TwoEntries(), {4, 5, 6});
+  SplitCameras({1}, &first);
+  SplitCameras({1}, &second);
+  EXPECT_EQ(first.camera_of_image.at(3), 8);
+  EXPECT_EQ(second.camera_of_image.at(4), 1);
+  EXPECT_EQ(second.camera_of_image.at(5), 10);
 }
 
 TEST(UntieImages, FewLeaveAndManyEndTheGroup) {
-  Scene scene = TwoEntries();
-  CameraOrigins origins;
-  SplitCameras({1}, &scene, &origins);
+  const ImageCameras cameras = SplitEntries();
   // The entry and another camera were one group.
   CameraGroup group;
   group.camera_ids = {1, 5};
   std::vector<CameraGroup> groups = {group};
-  UntieImages(scene, origins, {3, 4}, &groups);
+  UntieImages(cameras, {3, 4}, &groups);
   ASSERT_EQ(groups.size(), 1);
-  EXPECT_EQ(groups[0].camera_ids, CameraIds({1, 5, 6, 9, 10, 11, 12}));
+  EXPECT_EQ(groups[0].camera_ids, CameraIds({1, 5, 7, 10, 11, 12, 13}));
 
   groups = {group};
-  UntieImages(scene, origins, {3, 4, 5}, &groups);
+  UntieImages(cameras, {3, 4, 5}, &groups);
   EXPECT_TRUE(groups.empty());
 
   // The entry was no group before.
   groups.clear();
-  UntieImages(scene, origins, {3, 4}, &groups);
+  UntieImages(cameras, {3, 4}, &groups);
   ASSERT_EQ(groups.size(), 1);
-  EXPECT_EQ(groups[0].camera_ids, CameraIds({1, 6, 9, 10, 11, 12}));
+  EXPECT_EQ(groups[0].camera_ids, CameraIds({1, 7, 10, 11, 12, 13}));
 }
 
 TEST(JoinedCameraIds, LargestPartHasTheIdOfTheEntry) {
-  Scene scene = TwoEntries();
-  CameraOrigins origins;
-  SplitCameras({1}, &scene, &origins);
+  const ImageCameras cameras = SplitEntries();
   colmap::Reconstruction model;
-  for (const auto& [camera_id, camera] : scene.cameras) model.AddCamera(camera);
+  for (const auto& [camera_id, camera] : cameras.cameras) {
+    model.AddCamera(camera);
+  }
   CameraGroup small, large;
-  small.camera_ids = {1, 6};
-  large.camera_ids = {7, 8, 9, 10, 11};
-  const auto joined = JoinedCameraIds(origins, {small, large}, model);
+  small.camera_ids = {1, 7};
+  large.camera_ids = {8, 9, 10, 11, 12};
+  const auto joined = JoinedCameraIds(cameras.origins, {small, large}, model);
   EXPECT_EQ(joined.size(), 9);
   for (const colmap::camera_t id : large.camera_ids)
     EXPECT_EQ(joined.at(id), 1);
   // The id of the entry is not theirs any more.
-  EXPECT_EQ(joined.at(1), 7);
-  EXPECT_EQ(joined.at(6), 7);
-  EXPECT_EQ(joined.at(12), 12);
+  EXPECT_EQ(joined.at(1), 8);
+  EXPECT_EQ(joined.at(7), 8);
+  EXPECT_EQ(joined.at(13), 13);
   EXPECT_EQ(joined.at(5), 5);
 }
 
 TEST(JoinedCameraIds, OneGroupIsTheEntryAgain) {
-  Scene scene = TwoEntries();
-  CameraOrigins origins;
-  SplitCameras({1}, &scene, &origins);
+  const ImageCameras cameras = SplitEntries();
   colmap::Reconstruction model;
   CameraGroup group;
   // The first image is in no model.
-  for (colmap::camera_t id = 6; id <= 12; ++id) {
-    model.AddCamera(scene.cameras.at(id));
+  for (colmap::camera_t id = 7; id <= 13; ++id) {
+    model.AddCamera(cameras.cameras.at(id));
     group.camera_ids.push_back(id);
   }
-  for (const auto& [camera_id, id] : JoinedCameraIds(origins, {group}, model)) {
+  for (const auto& [camera_id, id] :
+       JoinedCameraIds(cameras.origins, {group}, model)) {
     EXPECT_EQ(id, 1);
   }
 }

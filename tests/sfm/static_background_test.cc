@@ -1,7 +1,7 @@
 #include "sfm/static_background.h"
 
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
-#include "sfm/depth_global_mapper.h"
+#include "sfm/global_mapping.h"
 
 #include <random>
 
@@ -65,16 +65,15 @@ void AddWall(int num_points, TestScene* test) {
   }
 }
 
-DepthGlobalMapperResult Map(const TestScene& test, PairGeometries* pairs) {
+DepthGlobalMapperResult Map(TestScene test, PairGeometries* pairs) {
   PairVerificationOptions verification;
   verification.num_threads = 1;
   DepthGlobalMapperOptions options;
   options.num_threads = 1;
   *pairs = VerifyPairs(test.scene, test.depths, verification);
   const PairScores no_scores;
-  return DepthGlobalMapper(
-             options, verification, test.scene, test.depths, no_scores)
-      .Run(pairs);
+  return RunGlobalMapping(
+      options, verification, no_scores, &test.scene, &test.depths, pairs);
 }
 
 TEST(FindStaticKeypoints, AreThoseOfTheBackground) {
@@ -107,7 +106,7 @@ TEST(FindStaticKeypoints, NeedStationaryPairs) {
   EXPECT_TRUE(FindStaticKeypoints(test.scene, pairs, 3).empty());
 }
 
-TEST(DepthGlobalMapper, MapsWhatTurnsBeforeABackground) {
+TEST(GlobalMapping, MapsWhatTurnsBeforeABackground) {
   TestScene test = CreateRing();
   AddWall(400, &test);
   for (const bool use_depth : {false, true}) {
@@ -129,7 +128,7 @@ TEST(DepthGlobalMapper, MapsWhatTurnsBeforeABackground) {
 
 // Photos taken twice from a tripod have no second motion: all of their key
 // points stay.
-TEST(DepthGlobalMapper, KeepsTheKeypointsOfBursts) {
+TEST(GlobalMapping, KeepsTheKeypointsOfBursts) {
   TestScene test = CreateRing();
   const colmap::image_t num_images = test.scene.images.size();
   const auto matches = test.scene.matches;

@@ -1,4 +1,4 @@
-#include "sfm/depth_global_mapper.h"
+#include "sfm/global_mapping.h"
 
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
@@ -38,17 +38,16 @@ std::map<std::string, Rigid3d> Poses(const colmap::Reconstruction& model) {
 }
 
 Outcome MapScene(const SyntheticScene& synthetic,
-                 const Scene& scene,
-                 const KeypointDepthMap& depths,
+                 Scene scene,
+                 KeypointDepthMap depths,
                  DepthGlobalMapperOptions options) {
   PairVerificationOptions verification;
   verification.num_threads = 1;
   options.num_threads = 1;
   Outcome outcome;
   outcome.pairs = VerifyPairs(scene, depths, verification);
-  outcome.result =
-      DepthGlobalMapper(options, verification, scene, depths, PairScores())
-          .Run(&outcome.pairs);
+  outcome.result = RunGlobalMapping(
+      options, verification, PairScores(), &scene, &depths, &outcome.pairs);
   if (!outcome.result.models.empty()) {
     outcome.metrics =
         EvaluatePoses(Poses(ReconstructionFromSynthetic(synthetic)),
@@ -84,7 +83,7 @@ double MeanError(const PoseMetrics& metrics) {
 // Radius of the ring of cameras is several metres.
 constexpr double kSceneSize = 10;
 
-TEST(DepthGlobalMapper, NoiseFreeSceneIsExactAndMetric) {
+TEST(GlobalMapping, NoiseFreeSceneIsExactAndMetric) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
   const Outcome outcome = MapSynthetic(synthetic);
   ASSERT_EQ(outcome.result.models.size(), 1);
@@ -100,7 +99,7 @@ TEST(DepthGlobalMapper, NoiseFreeSceneIsExactAndMetric) {
   EXPECT_EQ(outcome.result.depth_scales.size(), 12);
 }
 
-TEST(DepthGlobalMapper, UnknownFocalLengthsAreFound) {
+TEST(GlobalMapping, UnknownFocalLengthsAreFound) {
   SyntheticSceneOptions options = SmallRing();
   options.known_focal_length = false;
   const SyntheticScene synthetic = SynthesizeScene(options);
@@ -115,7 +114,7 @@ TEST(DepthGlobalMapper, UnknownFocalLengthsAreFound) {
   }
 }
 
-TEST(DepthGlobalMapper, KnownDistortionIsUsed) {
+TEST(GlobalMapping, KnownDistortionIsUsed) {
   // The ring seen by a fisheye lens and by one of strong distortion: key points
   // move along their rays' images, all else stays.
   SyntheticSceneOptions options = SmallRing();
@@ -156,7 +155,7 @@ TEST(DepthGlobalMapper, KnownDistortionIsUsed) {
   }
 }
 
-TEST(DepthGlobalMapper, PlainGlobalSfmWithoutDepth) {
+TEST(GlobalMapping, PlainGlobalSfmWithoutDepth) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
   const Outcome outcome =
       MapSynthetic(synthetic, DepthGlobalMapperOptions(), /*use_depth=*/false);
@@ -166,7 +165,7 @@ TEST(DepthGlobalMapper, PlainGlobalSfmWithoutDepth) {
   EXPECT_TRUE(outcome.result.depth_scales.empty());
 }
 
-TEST(DepthGlobalMapper, ImagesWithoutDepthTakePart) {
+TEST(GlobalMapping, ImagesWithoutDepthTakePart) {
   SyntheticSceneOptions options = SmallRing();
   options.no_depth_ratio = 0.4;
   const SyntheticScene synthetic = SynthesizeScene(options);
@@ -177,7 +176,7 @@ TEST(DepthGlobalMapper, ImagesWithoutDepthTakePart) {
   EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 1e-4);
 }
 
-TEST(DepthGlobalMapper, NoiseAndOutliersAreAveragedOut) {
+TEST(GlobalMapping, NoiseAndOutliersAreAveragedOut) {
   SyntheticSceneOptions options = SmallRing();
   options.image_noise_px = 0.5;
   options.outlier_match_ratio = 0.3;
@@ -195,7 +194,7 @@ TEST(DepthGlobalMapper, NoiseAndOutliersAreAveragedOut) {
   EXPECT_NEAR(outcome.metrics.truth_from_model_scale, 1, 0.05);
 }
 
-TEST(DepthGlobalMapper, RandomFalsePairsCostNoImage) {
+TEST(GlobalMapping, RandomFalsePairsCostNoImage) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 24;
   options.image_noise_px = 0.5;
@@ -224,7 +223,7 @@ TEST(DepthGlobalMapper, RandomFalsePairsCostNoImage) {
 // Images of look-alike bays are matched as if they showed one and the same:
 // rotations and depth scales of such pairs agree with all others, and only
 // translations contradict.
-TEST(DepthGlobalMapper, LookAlikePlacesAreKeptApart) {
+TEST(GlobalMapping, LookAlikePlacesAreKeptApart) {
   SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::REPEATS);
   options.num_images = 20;
   options.num_points_per_image = 200;
@@ -250,7 +249,7 @@ TEST(DepthGlobalMapper, LookAlikePlacesAreKeptApart) {
 
 // Each image is matched with the one that sees the same on the other side: more
 // pairs than there are around the corners.
-TEST(DepthGlobalMapper, TwinFacadesFacingAwayAreNotFolded) {
+TEST(GlobalMapping, TwinFacadesFacingAwayAreNotFolded) {
   SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::TWINS);
   options.num_images = 24;
   options.max_num_look_alikes = 1;
@@ -274,7 +273,7 @@ TEST(DepthGlobalMapper, TwinFacadesFacingAwayAreNotFolded) {
 // Five images and one more that shares tracks of two views only, with one of
 // them. Without depth nothing fixes its distance: it must not be placed at
 // random.
-TEST(DepthGlobalMapper, OrphansArePlacedByDepthOrLeftOut) {
+TEST(GlobalMapping, OrphansArePlacedByDepthOrLeftOut) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 24;
   SyntheticScene synthetic = SynthesizeScene(options);
@@ -321,7 +320,7 @@ TEST(DepthGlobalMapper, OrphansArePlacedByDepthOrLeftOut) {
   }
 }
 
-TEST(DepthGlobalMapper, UnrelatedDepthMapsDoNoHarm) {
+TEST(GlobalMapping, UnrelatedDepthMapsDoNoHarm) {
   SyntheticSceneOptions options = SmallRing();
   options.image_noise_px = 0.5;
   options.num_points_per_image = 200;
@@ -338,7 +337,7 @@ TEST(DepthGlobalMapper, UnrelatedDepthMapsDoNoHarm) {
             1.5 * MaxError(without_depth.metrics));
 }
 
-TEST(DepthGlobalMapper, ImagesWithoutParallaxKeepFarPoints) {
+TEST(GlobalMapping, ImagesWithoutParallaxKeepFarPoints) {
   SyntheticSceneOptions scene_options;
   scene_options.family = SceneFamily::LOW_PARALLAX;
   scene_options.num_images = 12;
@@ -355,7 +354,7 @@ TEST(DepthGlobalMapper, ImagesWithoutParallaxKeepFarPoints) {
   EXPECT_LT(MeanError(outcome.metrics), 0.7 * MeanError(without.metrics));
 }
 
-TEST(DepthGlobalMapper, StartsAtRandom) {
+TEST(GlobalMapping, StartsAtRandom) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
   DepthGlobalMapperOptions options;
   options.position_initialization.is_random = true;
@@ -365,7 +364,7 @@ TEST(DepthGlobalMapper, StartsAtRandom) {
   EXPECT_LT(MaxError(outcome.metrics), 1e-2);
 }
 
-TEST(DepthGlobalMapper, ScaleStaysFromStartToEnd) {
+TEST(GlobalMapping, ScaleStaysFromStartToEnd) {
   const Outcome outcome = MapSynthetic(SynthesizeScene(SmallRing()));
   double scale = 0;
   for (const StageReport& stage : outcome.result.stages) {
@@ -377,7 +376,7 @@ TEST(DepthGlobalMapper, ScaleStaysFromStartToEnd) {
   EXPECT_NEAR(scale, 1, 1e-4);
 }
 
-TEST(DepthGlobalMapper, OneEntryOfSeveralZoomsIsSplit) {
+TEST(GlobalMapping, OneEntryOfSeveralZoomsIsSplit) {
   for (const double max_log_focal_offset : {0.0, 0.3}) {
     SyntheticSceneOptions options = SmallRing();
     options.image_noise_px = 0.5;
@@ -414,7 +413,7 @@ TEST(DepthGlobalMapper, OneEntryOfSeveralZoomsIsSplit) {
   }
 }
 
-TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
+TEST(GlobalMapping, EveryComponentBecomesAModel) {
   SyntheticSceneOptions options = SmallRing();
   options.num_images = 20;
   options.num_components = 2;
@@ -432,7 +431,7 @@ TEST(DepthGlobalMapper, EveryComponentBecomesAModel) {
   EXPECT_EQ(largest.result.unregistered_images.size(), 10);
 }
 
-TEST(DepthGlobalMapper, EveryStageCanBeSwitchedOff) {
+TEST(GlobalMapping, EveryStageCanBeSwitchedOff) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
   using Options = DepthGlobalMapperOptions;
   for (bool Options::*skip : {&Options::skip_pair_scores,
@@ -458,7 +457,7 @@ TEST(DepthGlobalMapper, EveryStageCanBeSwitchedOff) {
   }
 }
 
-TEST(DepthGlobalMapper, ExplainsWhyNothingIsRegistered) {
+TEST(GlobalMapping, ExplainsWhyNothingIsRegistered) {
   SyntheticScene synthetic = SynthesizeScene(SmallRing());
   synthetic.pairs.clear();
   const Outcome outcome = MapSynthetic(synthetic);
@@ -468,7 +467,7 @@ TEST(DepthGlobalMapper, ExplainsWhyNothingIsRegistered) {
             "no matches with other images");
 }
 
-TEST(DepthGlobalMapper, OneThreadGivesTheSameBytesTwice) {
+TEST(GlobalMapping, OneThreadGivesTheSameBytesTwice) {
   SyntheticSceneOptions options = SmallRing();
   options.image_noise_px = 0.5;
   options.outlier_match_ratio = 0.2;

@@ -1,0 +1,201 @@
+#include "sfm/global_mapping.h"
+
+#include "colmap_ext/check.h"
+#include "sfm/view_graph_preparation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <set>
+#include <sstream>
+#include <utility>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+using ImageIds = std::vector<colmap::image_t>;
+
+void SetReason(const ImageIds& image_ids,
+               const std::string& reason,
+               std::map<colmap::image_t, std::string>* reasons) {
+  for (const colmap::image_t image_id : image_ids) {
+    (*reasons)[image_id] = reason;
+  }
+}
+
+std::optional<ComponentRotations> AverageRotationsOf(
+    const MappingContext& context,
+    const ImageIds& image_ids,
+    PairGeometries* pairs,
+    MappingLog* log) {
+  StageTimer timer("rotation_averaging");
+  timer.Add("images", double(image_ids.size()));
+  std::optional<ComponentRotations> rotations =
+      AverageComponentRotations(context.options.averaging,
+                                context.scene,
+                                context.depths,
+                                image_ids,
+                                pairs);
+  if (!rotations) {
+    LOG(ERROR) << "Rotation averaging failed for the component of image "
+               << image_ids.front();
+    return std::nullopt;
+  }
+  timer.Add("pairs_filtered", double(rotations->num_pairs_filtered))
+      .Add("images_kept", double(rotations->image_ids.size()));
+  timer.Finish(&log->stages);
+  return rotations;
+}
+
+void AddComponent(ComponentResult component, DepthGlobalMapperResult* result) {
+  if (component.model) result->models.push_back(std::move(component.model));
+  if (component.repeatability) result->repeatability = component.repeatability;
+  result->cameras.merge(component.cameras);
+  result->readmitted_pairs.merge(component.readmitted_pairs);
+  result->depth_scales.merge(component.depth_scales);
+  for (const auto& [image_id, reason] : component.unregistered_images) {
+    result->unregistered_images[image_id] = reason;
+  }
+}
+
+// Maps component after component; parts that rotation averaging cuts off are
+// components of their own.
+void MapComponents(const MappingContext& context,
+                   PairGeometries* pairs,
+                   DepthGlobalMapperResult* result,
+                   MappingLog* log) {
+  const DepthGlobalMapperOptions& options = context.options;
+  std::vector<ImageIds> components = ConnectedImages(*pairs);
+  if (!options.multiple_models && components.size() > 1) components.resize(1);
+  for (size_t i = 0; i < components.size(); ++i) {
+    const ImageIds image_ids = components[i];
+    if (image_ids.size() < size_t(options.min_model_size)) {
+      SetReason(image_ids,
+                "connected to only " + std::to_string(image_ids.size() - 1) +
+                    " other images",
+                &result->unregistered_images);
+      continue;
+    }
+    const std::optional<ComponentRotations> rotations =
+        AverageRotationsOf(context, image_ids, pairs, log);
+    if (!rotations) {
+      SetReason(
+          image_ids, "rotation averaging failed", &result->unregistered_images);
+      continue;
+    }
+    for (const ImageIds& part : rotations->other_parts) {
+      if (options.multiple_models) {
+        components.push_back(part);
+      } else {
+        SetReason(part,
+                  "not connected to the largest model",
+                  &result->unregistered_images);
+      }
+    }
+    const bool measure_repeatability =
+        options.measure_repeatability && !result->repeatability;
+    AddComponent(
+        MapComponent(context, *rotations, measure_repeatability, pairs, log),
+        result);
+  }
+  std::stable_sort(result->models.begin(),
+                   result->models.end(),
+                   [](const auto& a, const auto& b) {
+                     return a->NumRegImages() > b->NumRegImages();
+                   });
+}
+
+void MeasureUnits(const KeypointDepthMap& depths,
+                  DepthGlobalMapperResult* result,
+                  MappingLog* log) {
+  for (const auto& model : result->models) {
+    const MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
+    result->units.push_back(unit);
+    if (!unit.IsDoubtful()) continue;
+    std::ostringstream factor;
+    factor << std::setprecision(2) << std::exp(unit.log_spread);
+    log->Warn("The scales of the depth maps of a model with " +
+              std::to_string(model->NumRegImages()) +
+              " images differ by a factor of " + factor.str() +
+              " (one standard deviation): its unit is not metres. Check that "
+              "the maps are metric and belong to the images, or scale the "
+              "model by known positions (colmap model_aligner)");
+  }
+}
+
+// The reason why an image is in no component.
+std::string WhyWithoutPairs(const colmap::Image& image,
+                            const std::map<PairStatus, size_t>& statuses) {
+  if (image.NumPoints2D() == 0) return "no key points";
+  if (statuses.empty()) return "no matches with other images";
+  std::string reason = "no valid pair:";
+  for (const auto& [status, count] : statuses) {
+    reason += " " + std::to_string(count) + " " + PairStatusName(status);
+  }
+  return reason;
+}
+
+void ExplainMissingImages(const Scene& scene,
+                          const PairGeometries& pairs,
+                          DepthGlobalMapperResult* result) {
+  std::map<colmap::image_t, std::map<PairStatus, size_t>> statuses;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    ++statuses[image_id1][pair.status];
+    ++statuses[image_id2][pair.status];
+  }
+  std::set<colmap::image_t> registered;
+  for (const auto& model : result->models) {
+    registered.insert(model->RegImageIds().begin(), model->RegImageIds().end());
+  }
+  for (const auto& [image_id, image] : scene.images) {
+    if (registered.count(image_id) > 0) {
+      result->unregistered_images.erase(image_id);
+    } else if (result->unregistered_images.count(image_id) == 0) {
+      result->unregistered_images[image_id] =
+          WhyWithoutPairs(image, statuses[image_id]);
+    }
+  }
+}
+
+}  // namespace
+
+DepthGlobalMapperResult RunGlobalMapping(
+    const DepthGlobalMapperOptions& given_options,
+    const PairVerificationOptions& given_verification,
+    const PairScores& pair_scores,
+    Scene* scene,
+    KeypointDepthMap* depths,
+    PairGeometries* pairs) {
+  std::string error;
+  DGSFM_CHECK(given_options.IsValid(&error)) << error;
+  DGSFM_CHECK(given_verification.IsValid(&error)) << error;
+  DepthGlobalMapperOptions options = given_options;
+  options.refinement.num_threads = options.num_threads;
+  options.position_initialization.random_seed = given_verification.random_seed;
+  PairVerificationOptions verification = given_verification;
+  verification.num_threads = options.num_threads;
+
+  DepthGlobalMapperResult result;
+  MappingLog log;
+  const CameraBeliefs camera_beliefs = GivenBeliefs(*scene);
+  DropStaticBackground(options, verification, *depths, scene, pairs, &log);
+  DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
+  FilterPairs(options, pair_scores, pairs, &log);
+  result.focals =
+      AverageFocals(options, verification, *depths, scene, pairs, &log);
+  WarnOfPlanes(*scene, *pairs, &log);
+  const MappingContext context = {
+      options, verification, *scene, *depths, camera_beliefs};
+  MapComponents(context, pairs, &result, &log);
+  MeasureUnits(*depths, &result, &log);
+  ExplainMissingImages(*scene, *pairs, &result);
+  result.stages = std::move(log.stages);
+  result.warnings = std::move(log.warnings);
+  return result;
+}
+
+}  // namespace dgsfm
