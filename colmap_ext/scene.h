@@ -4,7 +4,7 @@
 #pragma once
 
 #include "colmap_ext/focal_prior.h"
-#include "colmap_ext/image_exif.h"
+#include "colmap_ext/formats/image_exif.h"
 
 #include <colmap/util/alignment.h>
 

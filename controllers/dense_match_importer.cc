@@ -1,10 +1,10 @@
 #include "controllers/dense_match_importer.h"
 
 #include "colmap_ext/check.h"
-#include "colmap_ext/dense_match_file.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/database/sqlite.h"
+#include "colmap_ext/formats/dense_match_file.h"
 #include "colmap_ext/keypoint_merger.h"
-#include "colmap_ext/scene_database.h"
-#include "colmap_ext/sqlite.h"
 #include "controllers/progress.h"
 
 #include <algorithm>

@@ -1,12 +1,12 @@
 #include "controllers/dense_pair_verification.h"
 
-#include "colmap_ext/feature_cache.h"
-#include "colmap_ext/keypoint_selection.h"
-#include "colmap_ext/match_reader.h"
+#include "colmap_ext/database/feature_cache.h"
+#include "colmap_ext/database/keypoint_selection.h"
+#include "colmap_ext/database/match_reader.h"
 #include "colmap_ext/parallel.h"
 #include "controllers/progress.h"
-#include "sfm/pair_fingerprint.h"
-#include "sfm/view_graph.h"
+#include "sfm/verification/pair_fingerprint.h"
+#include "sfm/view_graph/view_graph.h"
 
 #include <functional>
 #include <mutex>

@@ -3,7 +3,7 @@
 
 #pragma once
 
-#include "colmap_ext/depth_map.h"
+#include "colmap_ext/depth/depth_map.h"
 #include "estimators/depth_alignment.h"
 
 #include <cstddef>

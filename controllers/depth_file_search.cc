@@ -1,6 +1,6 @@
 #include "controllers/depth_file_search.h"
 
-#include "colmap_ext/hdf5_format.h"
+#include "colmap_ext/formats/hdf5_format.h"
 
 #include <algorithm>
 #include <filesystem>

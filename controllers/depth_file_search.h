@@ -2,7 +2,7 @@
 
 #pragma once
 
-#include "colmap_ext/depth_map_io.h"
+#include "colmap_ext/depth/depth_map_io.h"
 #include "colmap_ext/scene.h"
 
 #include <map>

@@ -1,15 +1,15 @@
 #include "controllers/depth_geometric_verifier.h"
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/match_reader.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/match_reader.h"
+#include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/parallel.h"
-#include "colmap_ext/scene_database.h"
-#include "controllers/commands.h"
+#include "controllers/commands/commands.h"
 #include "controllers/progress.h"
 #include "estimators/option_check.h"
-#include "sfm/pair_fingerprint.h"
-#include "sfm/prior_trust.h"
-#include "sfm/view_graph.h"
+#include "sfm/intrinsics/prior_trust.h"
+#include "sfm/verification/pair_fingerprint.h"
+#include "sfm/view_graph/view_graph.h"
 
 #include <algorithm>
 #include <chrono>

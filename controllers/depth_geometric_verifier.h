@@ -3,9 +3,9 @@
 
 #pragma once
 
-#include "controllers/command_options.h"
-#include "sfm/pair_verification.h"
+#include "controllers/commands/command_options.h"
 #include "sfm/stage_report.h"
+#include "sfm/verification/pair_verification.h"
 
 #include <string>
 #include <vector>

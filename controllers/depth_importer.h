@@ -3,8 +3,8 @@
 
 #pragma once
 
-#include "colmap_ext/depth_map.h"
-#include "colmap_ext/depth_map_io.h"
+#include "colmap_ext/depth/depth_map.h"
+#include "colmap_ext/depth/depth_map_io.h"
 
 #include <cstddef>
 #include <string>

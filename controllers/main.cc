@@ -1,6 +1,6 @@
 // The executable `colmap`: our commands, and those of a COLMAP on the machine.
 
-#include "controllers/colmap_delegate.h"
+#include "controllers/commands/colmap_delegate.h"
 
 #include <csignal>
 

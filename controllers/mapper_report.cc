@@ -2,7 +2,7 @@
 
 #include "colmap_ext/output_file.h"
 #include "controllers/output_folder.h"
-#include "sfm/prior_trust.h"
+#include "sfm/intrinsics/prior_trust.h"
 
 #include <cmath>
 

@@ -1,9 +1,9 @@
 #include "controllers/model_evaluator.h"
 
-#include "colmap_ext/model_io.h"
+#include "colmap_ext/model/model_io.h"
 #include "colmap_ext/output_file.h"
-#include "controllers/command_options.h"
-#include "controllers/commands.h"
+#include "controllers/commands/command_options.h"
+#include "controllers/commands/commands.h"
 #include "controllers/output_folder.h"
 
 #include <iomanip>

@@ -1,9 +1,9 @@
 #include "controllers/model_renderer.h"
 
 #include "colmap_ext/check.h"
-#include "colmap_ext/picture_file.h"
-#include "controllers/command_options.h"
-#include "controllers/commands.h"
+#include "colmap_ext/formats/picture_file.h"
+#include "controllers/commands/command_options.h"
+#include "controllers/commands/commands.h"
 
 #include <algorithm>
 #include <array>

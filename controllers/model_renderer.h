@@ -2,7 +2,7 @@
 
 #pragma once
 
-#include "colmap_ext/model_io.h"
+#include "colmap_ext/model/model_io.h"
 
 #include <colmap/util/bitmap.h>
 

@@ -1,9 +1,9 @@
 #include "controllers/point_colors.h"
 
-#include "colmap_ext/image_header.h"
+#include "colmap_ext/formats/image_header.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
-#include "sfm/model_access.h"
+#include "sfm/mapping/model_access.h"
 
 #include <colmap/util/bitmap.h>
 

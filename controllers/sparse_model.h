@@ -2,8 +2,8 @@
 
 #pragma once
 
-#include "colmap_ext/depth_map.h"
-#include "colmap_ext/model_io.h"
+#include "colmap_ext/depth/depth_map.h"
+#include "colmap_ext/model/model_io.h"
 #include "estimators/depth_alignment.h"
 
 #include <map>

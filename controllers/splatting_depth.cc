@@ -1,6 +1,6 @@
 #include "controllers/splatting_depth.h"
 
-#include "colmap_ext/depth_file_formats.h"
+#include "colmap_ext/formats/depth_file_formats.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/output_folder.h"
 

@@ -4,7 +4,7 @@
 
 #pragma once
 
-#include "colmap_ext/depth_map.h"
+#include "colmap_ext/depth/depth_map.h"
 
 #include <map>
 #include <string>

@@ -1,7 +1,7 @@
 #include "sfm/global_mapping.h"
 
 #include "colmap_ext/check.h"
-#include "sfm/view_graph_preparation.h"
+#include "sfm/view_graph/view_graph_preparation.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,9 +3,9 @@
 
 #pragma once
 
-#include "sfm/component_mapping.h"
+#include "sfm/mapping/component_mapping.h"
+#include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping_context.h"
-#include "sfm/metric_scale.h"
 
 #include <map>
 #include <memory>

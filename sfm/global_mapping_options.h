@@ -3,12 +3,12 @@
 
 #pragma once
 
-#include "sfm/camera_calibration.h"
-#include "sfm/camera_groups.h"
-#include "sfm/component_averaging.h"
-#include "sfm/model_refinement.h"
-#include "sfm/position_initialization.h"
-#include "sfm/track_establishment.h"
+#include "sfm/intrinsics/camera_calibration.h"
+#include "sfm/intrinsics/camera_groups.h"
+#include "sfm/mapping/model_refinement.h"
+#include "sfm/mapping/position_initialization.h"
+#include "sfm/mapping/track_establishment.h"
+#include "sfm/view_graph/component_averaging.h"
 
 #include <string>
 

@@ -1,7 +1,7 @@
 // Time, memory and accuracy of the averages on large synthetic graphs.
 // averaging_benchmark [images [edges [share of false edges [layout]]]]
 
-#include "estimators/focal_averaging.h"
+#include "estimators/averaging/focal_averaging.h"
 #include "estimators/median.h"
 #include "tests/estimators/averaging_graph.h"
 

@@ -9,9 +9,9 @@
 // without depth) with one <image name>.npy per image. Pairs with a share above
 // 0.7 are the true ones, and only those count.
 
-#include "colmap_ext/depth_map_io.h"
-#include "colmap_ext/model_io.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/depth_map_io.h"
+#include "colmap_ext/model/model_io.h"
 
 #include <filesystem>
 #include <fstream>

@@ -3,7 +3,7 @@
 // within 1e-6 ("found") and their median error.
 
 #include "estimators/solvers/five_points.h"
-#include "estimators/two_view_problem.h"
+#include "estimators/two_view/two_view_problem.h"
 #include "tests/estimators/depth_problems.h"
 #include "tests/estimators/two_view_scene.h"
 

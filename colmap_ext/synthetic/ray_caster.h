@@ -3,7 +3,7 @@
 
 #pragma once
 
-#include "colmap_ext/depth_map.h"
+#include "colmap_ext/depth/depth_map.h"
 #include "colmap_ext/rigid3.h"
 #include "colmap_ext/synthetic/procedural_texture.h"
 

@@ -1,8 +1,8 @@
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/pose_access.h"
-#include "colmap_ext/sqlite.h"
 
 #include <colmap/base/track.h>
 #include <colmap/estimators/fundamental_matrix.h>

@@ -2,9 +2,9 @@
 
 #pragma once
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/depth_map.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/depth_map.h"
 #include "colmap_ext/synthetic/synthetic_scene.h"
 
 #include <colmap/util/alignment.h>

@@ -19,7 +19,7 @@
 
 #pragma once
 
-#include "estimators/two_view_model.h"
+#include "estimators/two_view/two_view_model.h"
 
 #include <array>
 

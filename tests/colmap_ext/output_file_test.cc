@@ -1,6 +1,6 @@
 #include "colmap_ext/output_file.h"
 
-#include "colmap_ext/picture_file.h"
+#include "colmap_ext/formats/picture_file.h"
 #include "tests/testing/expect_error.h"
 #include "tests/testing/file_size_limit.h"
 #include "tests/testing/test_dir.h"

@@ -1,8 +1,8 @@
 #include "controllers/dense_match_importer.h"
 
-#include "colmap_ext/depth_file_formats.h"
-#include "colmap_ext/scene_database.h"
-#include "controllers/commands.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/formats/depth_file_formats.h"
+#include "controllers/commands/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/colmap_database.h"
 #include "tests/testing/expect_error.h"

@@ -1,9 +1,9 @@
 #include "controllers/depth_exporter.h"
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/depth_map_io.h"
-#include "colmap_ext/sqlite.h"
-#include "controllers/commands.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/sqlite.h"
+#include "colmap_ext/depth/depth_map_io.h"
+#include "controllers/commands/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/colmap_database.h"
 #include "tests/testing/expect_error.h"

@@ -1,7 +1,7 @@
 #include "controllers/depth_geometric_verifier.h"
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/test_dir.h"
 

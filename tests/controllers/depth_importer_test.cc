@@ -1,9 +1,9 @@
 #include "controllers/depth_importer.h"
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/depth_file_formats.h"
-#include "colmap_ext/scene_database.h"
-#include "controllers/commands.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/formats/depth_file_formats.h"
+#include "controllers/commands/commands.h"
 #include "tests/testing/colmap_database.h"
 #include "tests/testing/expect_error.h"
 #include "tests/testing/npz_file.h"

@@ -1,8 +1,8 @@
 #include "controllers/depth_scene_synthesizer.h"
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/depth_map_io.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/depth_map_io.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/expect_error.h"
 #include "tests/testing/file_size_limit.h"

@@ -1,7 +1,7 @@
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/model_io.h"
-#include "colmap_ext/scene_database.h"
-#include "controllers/commands.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/model/model_io.h"
+#include "controllers/commands/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/test_dir.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "controllers/commands.h"
+#include "controllers/commands/commands.h"
 
 #include <string>
 #include <vector>

@@ -3,9 +3,9 @@
 
 #pragma once
 
-#include "estimators/rotation_averaging.h"
-#include "estimators/scale_averaging.h"
-#include "estimators/translation_averaging.h"
+#include "estimators/averaging/rotation_averaging.h"
+#include "estimators/averaging/scale_averaging.h"
+#include "estimators/averaging/translation_averaging.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 #include "estimators/solvers/five_points.h"
 
 #include "estimators/solvers/polynomial.h"
-#include "estimators/two_view_model.h"
+#include "estimators/two_view/two_view_model.h"
 
 #include <algorithm>
 #include <cmath>

@@ -2,8 +2,8 @@
 
 #pragma once
 
-#include "estimators/two_view_geometry_depth.h"
-#include "estimators/two_view_model.h"
+#include "estimators/two_view/two_view_geometry_depth.h"
+#include "estimators/two_view/two_view_model.h"
 
 #include <algorithm>
 #include <array>

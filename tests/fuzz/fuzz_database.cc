@@ -1,8 +1,8 @@
 // Puts arbitrary bytes and numbers into our tables and COLMAP's and reads all
 // of them: all the readers may do is throw std::runtime_error.
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
 #include "tests/testing/colmap_database.h"
 
 #include <cstring>

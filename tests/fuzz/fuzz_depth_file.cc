@@ -1,11 +1,11 @@
 // Feeds a parser of depth or match files with arbitrary bytes: all it may do is
 // throw std::runtime_error, within the memory that depth_file_formats.h allows.
 
-#include "colmap_ext/dense_match_file.h"
-#include "colmap_ext/depth_file_formats.h"
-#include "colmap_ext/depth_map.h"
-#include "colmap_ext/hdf5_format.h"
-#include "colmap_ext/npz_format.h"
+#include "colmap_ext/depth/depth_map.h"
+#include "colmap_ext/formats/dense_match_file.h"
+#include "colmap_ext/formats/depth_file_formats.h"
+#include "colmap_ext/formats/hdf5_format.h"
+#include "colmap_ext/formats/npz_format.h"
 #include "tests/testing/npz_file.h"
 
 #include <algorithm>

@@ -37,7 +37,7 @@ class CheckLayersTest(unittest.TestCase):
     def test_finds_files_and_databases_below_controllers(self):
         for include in ["<fstream>", "<filesystem>", "<iostream>",
                         "<sqlite3.h>", "<colmap/base/database_cache.h>",
-                        '"colmap_ext/scene_database.h"']:
+                        '"colmap_ext/database/scene_database.h"']:
             for layer in ["estimators", "sfm"]:
                 with self.subTest(include=include, layer=layer):
                     violations = self.check(f"{layer}/a.cc",

@@ -3,8 +3,8 @@
 //   depth_tables_tool extend DB   adds depth and pair geometries to a database
 //   depth_tables_tool check DB    fails unless they are all there
 
-#include "colmap_ext/depth_database.h"
-#include "colmap_ext/scene_database.h"
+#include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/scene_database.h"
 
 #include <colmap/base/database.h>
 

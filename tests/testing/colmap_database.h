@@ -3,7 +3,7 @@
 
 #pragma once
 
-#include "colmap_ext/sqlite.h"
+#include "colmap_ext/database/sqlite.h"
 
 #include <colmap/util/alignment.h>
 

@@ -2,9 +2,9 @@
 // each layer and one of COLMAP.
 
 #include "colmap_ext/rigid3.h"
-#include "controllers/commands.h"
-#include "estimators/graph.h"
-#include "sfm/view_graph.h"
+#include "controllers/commands/commands.h"
+#include "estimators/averaging/graph.h"
+#include "sfm/view_graph/view_graph.h"
 
 #include <colmap/base/reconstruction.h>
 

@@ -1,0 +1,51 @@
+// Matches of a COLMAP database pair by pair, so that memory need not grow with
+// them.
+
+#pragma once
+
+#include "colmap_ext/database/sqlite.h"
+#include "colmap_ext/scene.h"
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+// Throws std::runtime_error naming the file and the pair where matches are
+// damaged or refer to images or key points that are not there. Duplicate
+// matches are left out. Not thread-safe.
+class MatchReader {
+ public:
+  struct PairSize {
+    colmap::image_pair_t pair_id = 0;
+    // Before duplicates are left out.
+    size_t num_matches = 0;
+  };
+
+  // The scene holds the images of the database. Both must outlive the reader.
+  MatchReader(const SqliteConnection& connection, const Scene& scene);
+
+  // The pairs of Scene::matches by increasing id: those of the table matches
+  // and, where that has none, what COLMAP's verification accepted.
+  std::vector<PairSize> ListPairs() const;
+  // Scene::matches of one of them; none if the pair is gone since.
+  colmap::FeatureMatches Read(colmap::image_pair_t pair_id);
+
+ private:
+  colmap::image_pair_t CheckedPairId(int64_t pair_id) const;
+  colmap::FeatureMatches ReadRow(const SqliteStatement& row) const;
+  void CheckIndex(const std::string& pair,
+                  const colmap::Image& image,
+                  colmap::point2D_t point2D_idx) const;
+  // As the table says; 0 without a row.
+  int64_t NumKeypoints(const colmap::Image& image) const;
+
+  const SqliteConnection& connection_;
+  const Scene& scene_;
+  std::map<colmap::image_t, int64_t> num_keypoints_;
+  SqliteStatement select_putative_;
+  SqliteStatement select_verified_;
+};
+
+}  // namespace dgsfm

@@ -1,0 +1,172 @@
+#include "colmap_ext/database/pair_geometry_table.h"
+
+#include "colmap_ext/check.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace dgsfm {
+namespace {
+
+// Entries on and below the diagonal of the covariance.
+constexpr size_t kNumCovarianceEntries = 45;
+
+std::vector<double> PackCovariance(
+    const Eigen::Matrix<double, 9, 9>& covariance) {
+  std::vector<double> packed;
+  if (covariance.isZero(0)) return packed;
+  packed.reserve(kNumCovarianceEntries);
+  for (int row = 0; row < 9; ++row) {
+    for (int col = 0; col <= row; ++col) packed.push_back(covariance(row, col));
+  }
+  return packed;
+}
+
+Eigen::Matrix<double, 9, 9> UnpackCovariance(
+    const std::vector<double>& packed) {
+  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
+  if (packed.empty()) return covariance;
+  size_t i = 0;
+  for (int row = 0; row < 9; ++row) {
+    for (int col = 0; col <= row; ++col) {
+      covariance(row, col) = covariance(col, row) = packed[i++];
+    }
+  }
+  return covariance;
+}
+
+std::vector<uint32_t> FlattenMatches(const colmap::FeatureMatches& matches) {
+  std::vector<uint32_t> flat;
+  flat.reserve(2 * matches.size());
+  for (const colmap::FeatureMatch& match : matches) {
+    flat.push_back(match.point2D_idx1);
+    flat.push_back(match.point2D_idx2);
+  }
+  return flat;
+}
+
+}  // namespace
+
+void CheckPairGeometry(const PairGeometry& geometry) {
+  PairStatusName(geometry.status);  // Throws if there is no such status.
+  const Rigid3d& pose = geometry.cam2_from_cam1;
+  // The quaternion comes back as it is, so it has to be a rotation.
+  DGSFM_CHECK(std::abs(pose.rotation.norm() - 1) < 1e-6)
+      << pose.rotation.norm();
+  DGSFM_CHECK(pose.translation.allFinite());
+  DGSFM_CHECK(std::isfinite(geometry.scale_1_from_2) &&
+              geometry.scale_1_from_2 > 0)
+      << geometry.scale_1_from_2;
+  for (const double focal_length_px :
+       {geometry.focal_length1_px, geometry.focal_length2_px}) {
+    DGSFM_CHECK(std::isfinite(focal_length_px) && focal_length_px >= 0)
+        << focal_length_px;
+  }
+  DGSFM_CHECK(geometry.covariance.allFinite());
+  DGSFM_CHECK(geometry.depth_verified.size() == geometry.inlier_matches.size());
+}
+
+PairGeometryInserter::PairGeometryInserter(const SqliteConnection& connection)
+    : insert_(connection,
+              "INSERT OR REPLACE INTO dgsfm_pair_geometries(pair_id, status, "
+              "qvec, tvec, has_scale, scale, focal1, focal2, "
+              "estimated_focal1, estimated_focal2, degeneracies, covariance, "
+              "num_matches, rows, matches, depth_verified, fingerprint) VALUES "
+              "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)") {}
+
+void PairGeometryInserter::Insert(colmap::image_pair_t pair_id,
+                                  const PairGeometry& geometry) {
+  const Rigid3d& pose = geometry.cam2_from_cam1;
+  const Eigen::Vector4d qvec = QvecFromRotation(pose.rotation);
+  insert_.BindInt(1, static_cast<int64_t>(pair_id))
+      .BindInt(2, static_cast<int>(geometry.status))
+      .BindBytes(3, qvec.data(), 4 * sizeof(double))
+      .BindBytes(4, pose.translation.data(), 3 * sizeof(double))
+      .BindInt(5, geometry.has_scale)
+      .BindDouble(6, geometry.scale_1_from_2)
+      .BindDouble(7, geometry.focal_length1_px)
+      .BindDouble(8, geometry.focal_length2_px)
+      .BindInt(9, geometry.estimated_focal1)
+      .BindInt(10, geometry.estimated_focal2)
+      .BindInt(11, geometry.degeneracies)
+      .BindBlob(12, PackCovariance(geometry.covariance))
+      .BindInt(13, static_cast<int64_t>(geometry.num_matches))
+      .BindInt(14, static_cast<int64_t>(geometry.inlier_matches.size()))
+      .BindBlob(15, FlattenMatches(geometry.inlier_matches))
+      .BindBlob(16, geometry.depth_verified)
+      .BindInt(17, static_cast<int64_t>(geometry.fingerprint))
+      .Run();
+}
+
+// Joined by the ids in the pair id, images that have been deleted drop out.
+PairGeometryCursor::PairGeometryCursor(const SqliteConnection& connection)
+    : connection_(connection),
+      select_(connection,
+              "SELECT pair_id, status, qvec, tvec, has_scale, scale, focal1, "
+              "focal2, estimated_focal1, estimated_focal2, degeneracies, "
+              "covariance, num_matches, pairs.rows, matches, depth_verified, "
+              "fingerprint, image1.name, image2.name, "
+              "coalesce(keypoints1.rows, 0), coalesce(keypoints2.rows, 0) "
+              "FROM dgsfm_pair_geometries AS pairs "
+              "JOIN images AS image1 ON image1.image_id = pair_id / 2147483647 "
+              "JOIN images AS image2 ON image2.image_id = pair_id % 2147483647 "
+              "LEFT JOIN keypoints AS keypoints1 "
+              "ON keypoints1.image_id = image1.image_id "
+              "LEFT JOIN keypoints AS keypoints2 "
+              "ON keypoints2.image_id = image2.image_id ORDER BY pair_id") {}
+
+colmap::image_pair_t PairGeometryCursor::PairId() const {
+  return static_cast<colmap::image_pair_t>(select_.Int(0));
+}
+
+std::string PairGeometryCursor::PairName() const {
+  return "pair " + select_.Text(17) + " - " + select_.Text(18);
+}
+
+PairGeometry PairGeometryCursor::Geometry() const {
+  const auto qvec = select_.Blob<double>(2);
+  const auto tvec = select_.Blob<double>(3);
+  const auto covariance = select_.Blob<double>(11);
+  const auto matches = select_.Blob<uint32_t>(14);
+  const size_t num_rows = matches.size() / 2;
+  const auto fail = [&](const std::string& problem) {
+    throw connection_.Error()
+        << PairName() << ": " << problem
+        << "; run depth_geometric_verifier with --restart 1";
+  };
+  if (qvec.size() != 4 || tvec.size() != 3 ||
+      (!covariance.empty() && covariance.size() != kNumCovarianceEntries) ||
+      select_.Int(13) != static_cast<int64_t>(num_rows)) {
+    fail("damaged geometry");
+  }
+  PairGeometry geometry;
+  geometry.status = static_cast<PairStatus>(select_.Int(1));
+  geometry.cam2_from_cam1 = {{qvec[0], qvec[1], qvec[2], qvec[3]},
+                             {tvec[0], tvec[1], tvec[2]}};
+  geometry.has_scale = select_.Int(4) != 0;
+  geometry.scale_1_from_2 = select_.Double(5);
+  geometry.focal_length1_px = select_.Double(6);
+  geometry.focal_length2_px = select_.Double(7);
+  geometry.estimated_focal1 = select_.Int(8) != 0;
+  geometry.estimated_focal2 = select_.Int(9) != 0;
+  geometry.degeneracies = static_cast<uint32_t>(select_.Int(10));
+  geometry.covariance = UnpackCovariance(covariance);
+  geometry.num_matches = static_cast<size_t>(select_.Int(12));
+  geometry.depth_verified = select_.Blob<uint8_t>(15);
+  geometry.fingerprint = static_cast<uint64_t>(select_.Int(16));
+  for (size_t i = 0; i < num_rows; ++i) {
+    geometry.inlier_matches.emplace_back(matches[2 * i], matches[2 * i + 1]);
+    if (matches[2 * i] >= select_.Int(19) ||
+        matches[2 * i + 1] >= select_.Int(20)) {
+      fail("its geometry refers to key points that are gone");
+    }
+  }
+  try {
+    CheckPairGeometry(geometry);
+  } catch (const std::invalid_argument&) {
+    fail("damaged geometry");
+  }
+  return geometry;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,315 @@
+#include "colmap_ext/database/scene_database.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/database/colmap_schema.h"
+#include "colmap_ext/database/keypoint_selection.h"
+#include "colmap_ext/database/match_reader.h"
+
+#include <colmap/base/camera_models.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <unordered_set>
+
+namespace dgsfm {
+
+static_assert(std::is_same_v<std::vector<Eigen::Quaterniond>::allocator_type,
+                             std::allocator<Eigen::Quaterniond>>,
+              "COLMAP must have patches/colmap-3.8/0004 in it: its own "
+              "std::vector is not that of files without its headers");
+
+namespace {
+
+// Beyond these numbers overflow what is computed of them, and no camera is.
+constexpr int64_t kMaxImageSize = 1000000;  // [px]
+constexpr double kMaxCameraParam = 1e12;
+constexpr double kMinFocalLength = 1e-3;   // [px]
+constexpr double kMaxCoordinatePx = 1e12;  // of key points
+
+// Sensor type of cameras in the tables rigs and rig_sensors.
+constexpr char kMultiCameraRigQuery[] =
+    "SELECT rig_id, sensor_id FROM rig_sensors WHERE sensor_type = 0 "
+    "EXCEPT SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = 0 "
+    "ORDER BY rig_id LIMIT 1";
+
+std::string CameraModelDescription(int64_t model_id) {
+  // Added by COLMAP after 3.8.
+  static const std::vector<std::string> kNewerModels = {
+      "RAD_TAN_THIN_PRISM_FISHEYE",
+      "SIMPLE_DIVISION",
+      "DIVISION",
+      "SIMPLE_FISHEYE",
+      "FISHEYE",
+      "EUCM",
+      "EQUIRECTANGULAR"};
+  constexpr int64_t kFirstId = 11;
+  const int64_t num_models = static_cast<int64_t>(kNewerModels.size());
+  std::string description = "camera model " + std::to_string(model_id);
+  // Compared, not subtracted: a damaged id may be the least number there is.
+  if (model_id >= kFirstId && model_id < kFirstId + num_models) {
+    description += " (" + kNewerModels[model_id - kFirstId] + ")";
+  }
+  return description;
+}
+
+// Of a row image_id, rows, cols, data.
+std::vector<Eigen::Vector2d> ReadPoints(const SqliteConnection& connection,
+                                        const SqliteStatement& row,
+                                        const std::string& name) {
+  const int64_t num_rows = row.Int(1);
+  const int64_t num_cols = row.Int(2);
+  const std::vector<float> data = row.Blob<float>(3);
+  if (num_rows == 0 && data.empty()) return std::vector<Eigen::Vector2d>();
+  if (num_cols != 2 && num_cols != 4 && num_cols != 6) {
+    throw connection.Error() << "image " << name << ": key points have "
+                             << num_cols << " columns, not 2, 4 or 6";
+  }
+  if (!IsBlobSize(num_rows, num_cols, data.size())) {
+    throw connection.Error()
+        << "image " << name << ": " << num_rows << " x " << num_cols
+        << " key point values announced, " << data.size() << " stored";
+  }
+  std::vector<Eigen::Vector2d> points;
+  points.reserve(num_rows);
+  for (int64_t i = 0; i < num_rows; ++i) {
+    points.emplace_back(data[num_cols * i], data[num_cols * i + 1]);
+    if (!(points.back().array().abs() <= kMaxCoordinatePx).all()) {
+      throw connection.Error() << "image " << name << ": position of key point "
+                               << i << " is not finite or too far away";
+    }
+  }
+  return points;
+}
+
+enum class SceneContent { IMAGES, FEATURES, MATCHES };
+
+// Reads the tables in an order in which each can be checked against the ones
+// before.
+class SceneReader {
+ public:
+  // At most about max_num_keypoints matched key points an image.
+  explicit SceneReader(
+      const SqliteConnection& connection,
+      size_t max_num_keypoints = std::numeric_limits<size_t>::max())
+      : connection_(connection), max_num_keypoints_(max_num_keypoints) {}
+
+  Scene Read(SceneContent content) {
+    const SqliteTransaction snapshot(connection_,
+                                     SqliteTransaction::Kind::READ);
+    CheckIsColmapDatabase(connection_);
+    ReadCameras();
+    ReadImages();
+    if (content == SceneContent::MATCHES) {
+      scene_.kept_keypoints =
+          SelectKeypoints(connection_, scene_, max_num_keypoints_);
+    }
+    if (content != SceneContent::IMAGES) ReadKeypoints();
+    if (content == SceneContent::MATCHES) ReadMatches();
+    return std::move(scene_);
+  }
+
+ private:
+  void ReadMatches() {
+    MatchReader reader(connection_, scene_);
+    for (const MatchReader::PairSize& pair : reader.ListPairs()) {
+      colmap::FeatureMatches matches = reader.Read(pair.pair_id);
+      if (!scene_.kept_keypoints.empty()) {
+        RestrictMatches(scene_.kept_keypoints, pair.pair_id, &matches);
+      }
+      scene_.matches.emplace_hint(
+          scene_.matches.end(), pair.pair_id, std::move(matches));
+    }
+  }
+
+  void ReadCameras() {
+    SqliteStatement select(connection_,
+                           "SELECT camera_id, model, width, height, params, "
+                           "prior_focal_length FROM cameras");
+    while (select.Step()) {
+      const colmap::Camera camera = ReadCamera(select);
+      scene_.cameras.emplace(camera.CameraId(), camera);
+    }
+  }
+
+  colmap::Camera ReadCamera(const SqliteStatement& row) const {
+    const int64_t camera_id = row.Int(0);
+    if (camera_id < 0 || camera_id >= colmap::kInvalidCameraId) {
+      throw connection_.Error()
+          << "camera id " << camera_id << " is out of range";
+    }
+    const int64_t model_id = row.Int(1);
+    if (model_id < std::numeric_limits<int>::min() ||
+        model_id > std::numeric_limits<int>::max() ||
+        !colmap::ExistsCameraModelWithId(static_cast<int>(model_id))) {
+      throw connection_.Error()
+          << "camera " << camera_id << ": " << CameraModelDescription(model_id)
+          << " is not supported; use one of COLMAP 3.8, e.g. SIMPLE_RADIAL";
+    }
+    const int64_t width = row.Int(2);
+    const int64_t height = row.Int(3);
+    if (width <= 0 || height <= 0 || std::max(width, height) > kMaxImageSize) {
+      throw connection_.Error() << "camera " << camera_id << ": image size "
+                                << width << " x " << height;
+    }
+    colmap::Camera camera;
+    camera.SetCameraId(static_cast<colmap::camera_t>(camera_id));
+    camera.SetModelId(static_cast<int>(model_id));
+    camera.SetWidth(static_cast<size_t>(width));
+    camera.SetHeight(static_cast<size_t>(height));
+    camera.SetParams(row.Blob<double>(4));
+    camera.SetPriorFocalLength(row.Int(5) != 0);
+    CheckParams(camera);
+    return camera;
+  }
+
+  void CheckParams(const colmap::Camera& camera) const {
+    if (!camera.VerifyParams()) {
+      throw connection_.Error()
+          << "camera " << camera.CameraId() << ": " << camera.NumParams()
+          << " parameters, but model " << camera.ModelName() << " has "
+          << camera.ParamsInfo();
+    }
+    for (const double param : camera.Params()) {
+      if (!(std::abs(param) <= kMaxCameraParam)) {
+        throw connection_.Error()
+            << "camera " << camera.CameraId() << ": parameter " << param
+            << " is not finite or too large";
+      }
+    }
+    for (const size_t idx : camera.FocalLengthIdxs()) {
+      if (camera.Params(idx) < kMinFocalLength) {
+        throw connection_.Error()
+            << "camera " << camera.CameraId() << ": focal length "
+            << camera.Params(idx) << " is not positive or too small";
+      }
+    }
+  }
+
+  // What is written in lines, or by programs in C, would break at these.
+  void CheckName(int64_t image_id, const std::string& name) {
+    if (name.empty() ||
+        name.find_first_of(std::string("\0\n\r", 3)) != std::string::npos) {
+      throw connection_.Error() << "image " << image_id
+                                << ": its name is empty or has a NUL or a "
+                                   "line break";
+    }
+    if (!names_.insert(name).second) {
+      throw connection_.Error() << "two images have the name " << name;
+    }
+  }
+
+  void ReadImages() {
+    SqliteStatement select(connection_,
+                           "SELECT image_id, name, camera_id FROM images");
+    while (select.Step()) {
+      const int64_t image_id = select.Int(0);
+      const std::string name = select.Text(1);
+      const int64_t camera_id = select.Int(2);
+      CheckName(image_id, name);
+      if (image_id < 0 || image_id >= static_cast<int64_t>(kMaxNumImages)) {
+        throw connection_.Error()
+            << "image " << name << ": id " << image_id << " is out of range";
+      }
+      if (camera_id < 0 || camera_id >= colmap::kInvalidCameraId ||
+          scene_.cameras.count(static_cast<colmap::camera_t>(camera_id)) == 0) {
+        throw connection_.Error() << "image " << name << ": its camera "
+                                  << camera_id << " does not exist";
+      }
+      colmap::Image image;
+      image.SetImageId(static_cast<colmap::image_t>(image_id));
+      image.SetName(name);
+      image.SetCameraId(static_cast<colmap::camera_t>(camera_id));
+      scene_.images.emplace(image.ImageId(), image);
+    }
+    if (scene_.images.empty()) {
+      throw connection_.Error() << "has no images; run feature_extractor first";
+    }
+  }
+
+  void ReadKeypoints() {
+    SqliteStatement select(connection_,
+                           "SELECT image_id, rows, cols, data "
+                           "FROM keypoints JOIN images USING (image_id)");
+    while (select.Step()) {
+      colmap::Image& image =
+          scene_.images.at(static_cast<colmap::image_t>(select.Int(0)));
+      image.SetPoints2D(
+          RestrictToKept(scene_.kept_keypoints,
+                         image.ImageId(),
+                         ReadPoints(connection_, select, image.Name())));
+    }
+  }
+
+  const SqliteConnection& connection_;
+  const size_t max_num_keypoints_;
+  std::unordered_set<std::string> names_;
+  Scene scene_;
+};
+
+}  // namespace
+
+Scene ReadScene(const std::string& database_path,
+                std::chrono::milliseconds busy_timeout) {
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection).Read(SceneContent::MATCHES);
+}
+
+Scene ReadSceneWithFewKeypoints(const std::string& database_path,
+                                int max_num_keypoints,
+                                std::chrono::milliseconds busy_timeout) {
+  DGSFM_CHECK(max_num_keypoints > 0) << max_num_keypoints;
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection, static_cast<size_t>(max_num_keypoints))
+      .Read(SceneContent::MATCHES);
+}
+
+Scene ReadSceneWithoutMatches(const std::string& database_path,
+                              std::chrono::milliseconds busy_timeout) {
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection).Read(SceneContent::FEATURES);
+}
+
+Scene ReadSceneWithoutFeatures(const std::string& database_path,
+                               std::chrono::milliseconds busy_timeout) {
+  const SqliteConnection connection(
+      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  return SceneReader(connection).Read(SceneContent::IMAGES);
+}
+
+std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
+                                           const colmap::Image& image) {
+  SqliteStatement select(
+      connection,
+      "SELECT image_id, rows, cols, data FROM keypoints WHERE image_id = ?");
+  select.BindInt(1, image.ImageId());
+  if (!select.Step()) return std::vector<Eigen::Vector2d>();
+  return ReadPoints(connection, select, image.Name());
+}
+
+void CheckHasNoRig(const std::string& database_path) {
+  const SqliteConnection connection(database_path,
+                                    SqliteConnection::Mode::READ_ONLY);
+  if (!connection.HasTable("rigs") || !connection.HasTable("rig_sensors")) {
+    return;
+  }
+  SqliteStatement select(connection, kMultiCameraRigQuery);
+  if (!select.Step()) return;
+  SqliteStatement images(connection,
+                         "SELECT name FROM images WHERE camera_id = ? "
+                         "ORDER BY image_id LIMIT 1");
+  images.BindInt(1, select.Int(1));
+  throw connection.Error()
+      << "rig " << select.Int(0) << " has more than one camera (such as camera "
+      << select.Int(1) << (images.Step() ? " of image " + images.Text(0) : "")
+      << "); rigs are not supported: --ignore_rigs 1 maps their images as if "
+         "each moved by itself";
+}
+
+}  // namespace dgsfm

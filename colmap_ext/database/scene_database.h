@@ -1,0 +1,51 @@
+// Reads a COLMAP database of any version from 3.8 to 4.2 into COLMAP's own
+// types. Goes through our own SQLite connection with explicit columns: COLMAP
+// 3.8's Database class must never open a foreign database (it overwrites
+// user_version before it fails).
+
+#pragma once
+
+#include "colmap_ext/database/sqlite.h"
+#include "colmap_ext/scene.h"
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+// Loads and validates a scene: indices in range, finite key points, known
+// cameras and camera models, no duplicate matches (duplicates are removed).
+// Throws std::runtime_error naming the file and the image or pair. The
+// database is opened read-only and must exist. Camera models that COLMAP 3.8
+// lacks are refused by name.
+Scene ReadScene(const std::string& database_path,
+                std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+// The same with at most about max_num_keypoints matched key points an image:
+// images with more use those that ChooseKeypoints takes for half as many
+// matches, and those that these are matched with (Scene::kept_keypoints).
+// Memory grows with the images and with the matches of one image, not with all
+// matches.
+Scene ReadSceneWithFewKeypoints(
+    const std::string& database_path,
+    int max_num_keypoints,
+    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+// The same for callers that need only cameras, images and key points, or only
+// cameras and images.
+Scene ReadSceneWithoutMatches(
+    const std::string& database_path,
+    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+Scene ReadSceneWithoutFeatures(
+    const std::string& database_path,
+    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+
+// Throws std::runtime_error naming the rig if images of several cameras move
+// together (COLMAP 3.12 and later), which Scene does not tell.
+void CheckHasNoRig(const std::string& database_path);
+
+// The key points of one image of the scene [px]; none if it has no row. Throws
+// as ReadScene().
+std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
+                                           const colmap::Image& image);
+
+}  // namespace dgsfm

@@ -1,0 +1,171 @@
+#include "colmap_ext/formats/depth_file_formats.h"
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include <boost/endian/conversion.hpp>
+#include <png.h>
+
+// libpng reports errors by longjmp, so each function that calls it through
+// setjmp keeps every object with a destructor outside of itself.
+
+namespace dgsfm::internal {
+namespace {
+
+struct Session {
+  png_structp png = nullptr;
+  png_infop info = nullptr;
+  std::string error;
+};
+
+void OnError(png_structp png, png_const_charp message) {
+  static_cast<Session*>(png_get_error_ptr(png))->error = message;
+  png_longjmp(png, 1);
+}
+
+void OnWarning(png_structp, png_const_charp) {}
+
+struct ReadSession : Session {
+  explicit ReadSession(const std::vector<uint8_t>& file_bytes)
+      : bytes(file_bytes) {
+    png = png_create_read_struct(
+        PNG_LIBPNG_VER_STRING, static_cast<Session*>(this), OnError, OnWarning);
+    if (png != nullptr) info = png_create_info_struct(png);
+    if (info == nullptr) throw std::bad_alloc();
+  }
+  ~ReadSession() { png_destroy_read_struct(&png, &info, nullptr); }
+  ReadSession(const ReadSession&) = delete;
+  ReadSession& operator=(const ReadSession&) = delete;
+
+  const std::vector<uint8_t>& bytes;
+  size_t num_read = 0;
+};
+
+struct WriteSession : Session {
+  WriteSession() {
+    png = png_create_write_struct(
+        PNG_LIBPNG_VER_STRING, static_cast<Session*>(this), OnError, OnWarning);
+    if (png != nullptr) info = png_create_info_struct(png);
+    if (info == nullptr) throw std::bad_alloc();
+  }
+  ~WriteSession() { png_destroy_write_struct(&png, &info); }
+  WriteSession(const WriteSession&) = delete;
+  WriteSession& operator=(const WriteSession&) = delete;
+
+  std::string bytes;
+};
+
+void ReadBytes(png_structp png, png_bytep data, size_t size) {
+  auto* session = static_cast<ReadSession*>(png_get_io_ptr(png));
+  if (size > session->bytes.size() - session->num_read) {
+    png_error(png, "the file is truncated");
+  }
+  std::memcpy(data, session->bytes.data() + session->num_read, size);
+  session->num_read += size;
+}
+
+bool ReadHeader(ReadSession* session) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_set_read_fn(session->png, session, ReadBytes);
+  png_set_user_limits(session->png, kMaxDepthMapSize, kMaxDepthMapSize);
+  png_read_info(session->png, session->info);
+  png_set_interlace_handling(session->png);
+  return true;
+}
+
+bool ReadRows(ReadSession* session, png_bytepp rows) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_read_image(session->png, rows);
+  png_read_end(session->png, nullptr);
+  return true;
+}
+
+void WriteBytes(png_structp png, png_bytep data, size_t size) {
+  auto* session = static_cast<WriteSession*>(png_get_io_ptr(png));
+  try {
+    session->bytes.append(reinterpret_cast<const char*>(data), size);
+  } catch (const std::bad_alloc&) {
+    session->bytes.clear();
+  }
+  if (session->bytes.empty()) png_error(png, "out of memory");
+}
+
+bool WriteImage(WriteSession* session, int width, int height, png_bytepp rows) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_set_write_fn(session->png, session, WriteBytes, nullptr);
+  png_set_IHDR(session->png,
+               session->info,
+               width,
+               height,
+               16,
+               PNG_COLOR_TYPE_GRAY,
+               PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT,
+               PNG_FILTER_TYPE_DEFAULT);
+  png_write_info(session->png, session->info);
+  png_write_image(session->png, rows);
+  png_write_end(session->png, nullptr);
+  return true;
+}
+
+std::vector<png_bytep> FindRows(std::vector<uint8_t>* pixels, int height) {
+  std::vector<png_bytep> rows(height);
+  for (int y = 0; y < height; ++y) {
+    rows[y] = pixels->data() + y * (pixels->size() / height);
+  }
+  return rows;
+}
+
+}  // namespace
+
+DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth) {
+  ReadSession session(bytes);
+  if (!ReadHeader(&session)) throw std::runtime_error("PNG: " + session.error);
+  const int file_bit_depth = png_get_bit_depth(session.png, session.info);
+  const int color_type = png_get_color_type(session.png, session.info);
+  if (file_bit_depth != bit_depth || color_type != PNG_COLOR_TYPE_GRAY) {
+    throw std::runtime_error(
+        "PNG of " + std::to_string(file_bit_depth) + " bits and " +
+        std::to_string(png_get_channels(session.png, session.info)) +
+        " channels; " + std::to_string(bit_depth) +
+        " bits and one channel are needed");
+  }
+  DepthGrid grid;
+  grid.width = png_get_image_width(session.png, session.info);
+  grid.height = png_get_image_height(session.png, session.info);
+  CheckGridSize(grid.width, grid.height);
+  const size_t value_size = bit_depth / 8;
+  const size_t num_bytes = value_size * grid.width * grid.height;
+  CheckExpansion(num_bytes, bytes.size());
+  std::vector<uint8_t> pixels(num_bytes);
+  std::vector<png_bytep> rows = FindRows(&pixels, grid.height);
+  if (!ReadRows(&session, rows.data())) {
+    throw std::runtime_error("PNG: " + session.error);
+  }
+  grid.values.reserve(num_bytes / value_size);
+  for (size_t i = 0; i < num_bytes; i += value_size) {
+    grid.values.push_back(
+        value_size == 1 ? pixels[i] : boost::endian::load_big_u16(&pixels[i]));
+  }
+  return grid;
+}
+
+std::string FormatPng16(int width,
+                        int height,
+                        const std::vector<uint16_t>& values) {
+  std::vector<uint8_t> pixels(2 * values.size());
+  for (size_t i = 0; i < values.size(); ++i) {
+    boost::endian::store_big_u16(&pixels[2 * i], values[i]);
+  }
+  std::vector<png_bytep> rows = FindRows(&pixels, height);
+  WriteSession session;
+  if (!WriteImage(&session, width, height, rows.data())) {
+    throw std::runtime_error("PNG: " + session.error);
+  }
+  return std::move(session.bytes);
+}
+
+}  // namespace dgsfm::internal

@@ -1,0 +1,233 @@
+#include "controllers/commands/command_options.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/output_file.h"
+
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <stdexcept>
+#include <type_traits>
+#include <vector>
+
+#include <boost/program_options.hpp>
+#include <boost/property_tree/ini_parser.hpp>
+#include <boost/property_tree/ptree.hpp>
+
+namespace dgsfm {
+namespace {
+
+namespace po = boost::program_options;
+
+// The shortest text that reads back as the same value.
+template <typename T>
+std::string ToText(const T& value) {
+  if constexpr (std::is_same_v<T, std::string>) {
+    return value;
+  } else if constexpr (std::is_same_v<T, bool>) {
+    return value ? "1" : "0";
+  } else {
+    char buffer[32];
+    const auto [end, error] = std::to_chars(buffer, std::end(buffer), value);
+    DGSFM_CHECK(error == std::errc());
+    return std::string(buffer, end);
+  }
+}
+
+bool IsQuoted(const std::string& text) {
+  return text.size() >= 2 && text.front() == '"' && text.back() == '"';
+}
+
+// Readers of project files trim values: quotes keep spaces at the ends.
+std::string Quote(const std::string& text) {
+  const char* kSpaces = " \t\r\v\f";
+  const bool is_trimmed = text.find_first_of(kSpaces) != 0 &&
+                          text.find_last_of(kSpaces) + 1 != text.size();
+  return text.empty() || (is_trimmed && !IsQuoted(text)) ? text
+                                                         : '"' + text + '"';
+}
+
+std::string Unquote(const std::string& text) {
+  return IsQuoted(text) ? text.substr(1, text.size() - 2) : text;
+}
+
+// Reads "name=value" lines, after a line [Group] as "Group.name".
+po::parsed_options ReadProject(const std::string& path,
+                               const po::options_description& description) {
+  if (!std::filesystem::is_regular_file(path)) {
+    throw std::runtime_error("project file " + path + " does not exist");
+  }
+  boost::property_tree::ptree tree;
+  try {
+    boost::property_tree::read_ini(path, tree);
+  } catch (const boost::property_tree::ini_parser_error& error) {
+    throw std::runtime_error(std::string("cannot read project file ") +
+                             error.what());
+  }
+  po::parsed_options parsed(&description);
+  const auto add = [&](const std::string& name, const std::string& value) {
+    if (description.find_nothrow(name, /*approx=*/false) == nullptr) {
+      throw po::error("unrecognised option '" + name + "' in " + path);
+    }
+    parsed.options.emplace_back(name, std::vector<std::string>{Unquote(value)});
+  };
+  for (const auto& [name, node] : tree) {
+    if (node.empty()) add(name, node.data());
+    for (const auto& [field, leaf] : node) {
+      add(name + "." + field, leaf.data());
+    }
+  }
+  return parsed;
+}
+
+}  // namespace
+
+struct CommandOptions::Impl {
+  struct Option {
+    std::string name;
+    std::function<std::string()> to_text;
+  };
+
+  std::string command;
+  std::string summary;
+  std::string project_path;
+  // What a project file may hold, and what only the command line may.
+  po::options_description description{"Options", 80, 44};
+  po::options_description general{"General options", 80, 44};
+  std::vector<Option> options;
+
+  template <typename T>
+  void Add(const std::string& name,
+           T* value,
+           const std::string& help,
+           bool is_required) {
+    auto* semantic = po::value<T>(value);
+    if (is_required) {
+      semantic->required();
+    } else {
+      semantic->default_value(*value, ToText(*value));
+    }
+    if constexpr (std::is_same_v<T, double>) {
+      semantic->notifier([name](double number) {
+        if (std::isnan(number)) {
+          throw po::validation_error(
+              po::validation_error::invalid_option_value, name, "nan");
+        }
+      });
+    }
+    description.add_options()(
+        name.c_str(),
+        semantic,
+        (help + (is_required ? " (required)" : "")).c_str());
+    options.push_back({name, [value] { return ToText(*value); }});
+  }
+
+  // The command line goes first because the first value of an option wins.
+  // Throws po::error; returns false after --help.
+  bool ParseOrThrow(int argc, char** argv) {
+    po::options_description all;
+    all.add(description).add(general);
+    const po::parsed_options parsed =
+        po::command_line_parser(argc, argv)
+            .options(all)
+            .style(po::command_line_style::unix_style &
+                   ~po::command_line_style::allow_guessing)
+            .run();
+    for (const po::option& option : parsed.options) {
+      if (option.string_key.empty()) {
+        throw po::error("unexpected argument '" + option.value.front() + "'");
+      }
+    }
+    po::variables_map values;
+    po::store(parsed, values);
+    if (values.count("help") > 0) return false;
+    if (values.count("project_path") > 0) {
+      po::store(
+          ReadProject(values["project_path"].as<std::string>(), description),
+          values);
+    }
+    po::notify(values);
+    return true;
+  }
+};
+
+CommandOptions::CommandOptions(const std::string& command,
+                               const std::string& summary)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->command = command;
+  impl_->summary = summary;
+  impl_->general.add_options()("help,h", "Show this text.")(
+      "project_path",
+      po::value<std::string>(),
+      "File with options; those of the command line win.");
+}
+
+CommandOptions::~CommandOptions() = default;
+
+template <typename T>
+void CommandOptions::Add(const std::string& name,
+                         T* value,
+                         const std::string& help) {
+  impl_->Add(name, value, help, /*is_required=*/false);
+}
+
+template <typename T>
+void CommandOptions::AddRequired(const std::string& name,
+                                 T* value,
+                                 const std::string& help) {
+  impl_->Add(name, value, help, /*is_required=*/true);
+}
+
+#define DGSFM_INSTANTIATE(T)                       \
+  template void CommandOptions::Add<T>(            \
+      const std::string&, T*, const std::string&); \
+  template void CommandOptions::AddRequired<T>(    \
+      const std::string&, T*, const std::string&);
+DGSFM_INSTANTIATE(bool)
+DGSFM_INSTANTIATE(int)
+DGSFM_INSTANTIATE(double)
+DGSFM_INSTANTIATE(std::string)
+#undef DGSFM_INSTANTIATE
+
+std::optional<int> CommandOptions::Parse(int argc, char** argv) {
+  try {
+    if (impl_->ParseOrThrow(argc, argv)) return std::nullopt;
+  } catch (const po::error& error) {
+    std::cerr << "ERROR: " << error.what() << "\nSee: colmap " << impl_->command
+              << " --help" << std::endl;
+    return 2;
+  }
+  std::cout << "colmap " << impl_->command << ": " << impl_->summary << "\n\n"
+            << impl_->description << "\n"
+            << impl_->general << std::flush;
+  return 0;
+}
+
+std::string CommandOptions::ProjectText() const {
+  std::string text;
+  std::map<std::string, std::string> groups;
+  for (const Impl::Option& option : impl_->options) {
+    const std::string value = option.to_text();
+    if (value.find('\n') != std::string::npos) {
+      throw std::runtime_error("option " + option.name +
+                               " contains a line break");
+    }
+    const size_t dot = option.name.find('.');
+    std::string& lines =
+        dot == std::string::npos ? text : groups[option.name.substr(0, dot)];
+    lines += option.name.substr(dot + 1) + "=" + Quote(value) + "\n";
+  }
+  for (const auto& [group, lines] : groups) {
+    text += "[" + group + "]\n" + lines;
+  }
+  return text;
+}
+
+void CommandOptions::WriteProject(const std::string& path) const {
+  WriteFile(path, ProjectText());
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,55 @@
+#include "controllers/commands/commands.h"
+
+#include <exception>
+#include <iostream>
+#include <new>
+#include <stdexcept>
+
+namespace dgsfm {
+
+const std::vector<Command>& Commands() {
+  static const std::vector<Command> commands = {
+      {"depth_importer",
+       "stores depth maps in the database",
+       &RunDepthImporter},
+      {"dense_match_importer",
+       "stores correspondences of dense matchers",
+       &RunDenseMatchImporter},
+      {"depth_geometric_verifier",
+       "verifies image pairs with depth",
+       &RunDepthGeometricVerifier},
+      {"depth_global_mapper",
+       "reconstructs a database with depth priors",
+       &RunDepthGlobalMapper},
+      {"depth_exporter",
+       "writes depth maps, aligned to a model",
+       &RunDepthExporter},
+      {"model_evaluator",
+       "compares camera poses with ground truth",
+       &RunModelEvaluator},
+      {"model_renderer",
+       "draws points and cameras of a model",
+       &RunModelRenderer},
+      {"depth_scene_synthesizer",
+       "writes a synthetic scene with exact truth",
+       &RunDepthSceneSynthesizer},
+  };
+  return commands;
+}
+
+int RunCommand(const Command& command, int argc, char** argv) {
+  try {
+    const int exit_code = command.run(argc, argv);
+    if (!std::cout.flush()) {
+      throw std::runtime_error("cannot write to the standard output");
+    }
+    return exit_code;
+  } catch (const std::bad_alloc&) {
+    std::cerr << "ERROR: out of memory" << std::endl;
+  } catch (const std::exception& error) {
+    std::cerr << "ERROR: " << error.what() << std::endl;
+  }
+  return 1;
+}
+
+}  // namespace dgsfm

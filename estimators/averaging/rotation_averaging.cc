@@ -1,0 +1,177 @@
+#include "estimators/averaging/rotation_averaging.h"
+
+#include "colmap_ext/check.h"
+#include "estimators/averaging/graph.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace dgsfm {
+namespace {
+
+// Angle-axis vector of a rotation, angle in [0, pi]; stable at both ends.
+Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation) {
+  const double sine = rotation.vec().norm();
+  const double sign = rotation.w() < 0 ? -1 : 1;
+  // atan2(x, 1) / x is 1 to the last bit here.
+  if (sine < 1e-10) return 2 * sign * rotation.vec();
+  const double half_angle = std::atan2(sine, std::abs(rotation.w()));
+  return (2 * sign * half_angle / sine) * rotation.vec();
+}
+
+Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& angle_axis) {
+  const double angle = angle_axis.norm();
+  if (angle == 0) return Eigen::Quaterniond::Identity();
+  return Eigen::Quaterniond(
+      Eigen::AngleAxisd(angle, Eigen::Vector3d(angle_axis / angle)));
+}
+
+Eigen::Quaterniond NormalizedChecked(const Eigen::Quaterniond& rotation) {
+  // Negated to catch NaN.
+  DGSFM_CHECK(std::abs(rotation.norm() - 1) < 1e-3)
+      << "rotation is no unit quaternion: " << rotation.coeffs().transpose();
+  return rotation.normalized();
+}
+
+// Triangles of each edge whose three rotations lead back to the start within
+// three standard deviations.
+std::vector<double> CountClosingTriangles(
+    int num_nodes,
+    const std::vector<GraphEdge>& edges,
+    const std::vector<RelativeRotation>& relatives) {
+  std::vector<double> counts(edges.size(), 0);
+  VisitTriangles(num_nodes, edges, [&](int edge1, int edge2, int edge3) {
+    Eigen::Quaterniond loop = Eigen::Quaterniond::Identity();
+    double variance = 0;
+    int node = edges[edge1].first;
+    // From edge1's second node on, whichever edge leads there goes first.
+    const int next = edges[edge1].second;
+    if (edges[edge2].first != next && edges[edge2].second != next) {
+      std::swap(edge2, edge3);
+    }
+    for (const int e : {edge1, edge2, edge3}) {
+      const Eigen::Quaterniond& rotation = relatives[e].cam2_from_cam1;
+      const bool forward = edges[e].first == node;
+      loop = (forward ? rotation : rotation.conjugate()) * loop;
+      node = forward ? edges[e].second : edges[e].first;
+      variance += relatives[e].stddev_rad * relatives[e].stddev_rad;
+    }
+    if (LogRotation(loop).squaredNorm() > 9 * variance) return;
+    for (const int e : {edge1, edge2, edge3}) ++counts[e];
+  });
+  return counts;
+}
+
+std::vector<Eigen::Quaterniond> ChainAlongTree(
+    const std::vector<RelativeRotation>& relative_rotations,
+    const SpanningTree& tree) {
+  std::vector<Eigen::Quaterniond> rotations(tree.parents.size(),
+                                            Eigen::Quaterniond::Identity());
+  for (const int node : tree.order) {
+    if (node == tree.root) continue;
+    const RelativeRotation& edge = relative_rotations[tree.parent_edges[node]];
+    const Eigen::Quaterniond& node_from_parent =
+        edge.node2 == node ? edge.cam2_from_cam1
+                           : edge.cam2_from_cam1.conjugate();
+    rotations[node] = node_from_parent * rotations[tree.parents[node]];
+  }
+  return rotations;
+}
+
+// What an edge counts in the L1 phase: one that closes no triangle is either
+// false or has too few neighbours to tell.
+Eigen::VectorXd TrustOf(const std::vector<double>& num_closing_triangles) {
+  constexpr double kMaxNumTriangles = 3;
+  constexpr double kMinTrust = 0.1;
+  Eigen::VectorXd trust(num_closing_triangles.size());
+  for (Eigen::Index e = 0; e < trust.size(); ++e) {
+    trust(e) =
+        std::clamp(num_closing_triangles[e] / kMaxNumTriangles, kMinTrust, 1.0);
+  }
+  return trust;
+}
+
+// Of each edge e = log(R_2^T R_21 R_1).
+Eigen::MatrixXd ComputeResiduals(
+    const std::vector<RelativeRotation>& relatives,
+    const std::vector<Eigen::Quaterniond>& estimates) {
+  Eigen::MatrixXd residuals(relatives.size(), 3);
+  for (size_t e = 0; e < relatives.size(); ++e) {
+    residuals.row(e) = LogRotation(estimates[relatives[e].node2].conjugate() *
+                                   relatives[e].cam2_from_cam1 *
+                                   estimates[relatives[e].node1]);
+  }
+  return residuals;
+}
+
+}  // namespace
+
+bool AverageRotations(int num_nodes,
+                      const std::vector<RelativeRotation>& relative_rotations,
+                      int fixed_node,
+                      const GraphAveragingOptions& options,
+                      std::vector<Eigen::Quaterniond>* rotations) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  std::vector<RelativeRotation> relatives = relative_rotations;
+  std::vector<GraphEdge> edges;
+  Eigen::VectorXd stddevs(relatives.size());
+  Eigen::VectorXd weights(relatives.size());
+  for (RelativeRotation& relative : relatives) {
+    DGSFM_CHECK(relative.node1 != relative.node2)
+        << "self-loop at node " << relative.node1;
+    relative.cam2_from_cam1 = NormalizedChecked(relative.cam2_from_cam1);
+    edges.emplace_back(relative.node1, relative.node2);
+    stddevs(edges.size() - 1) = relative.stddev_rad;
+    DGSFM_CHECK(std::isfinite(relative.weight) && relative.weight > 0)
+        << "weight of edge " << edges.size() - 1 << " = " << relative.weight;
+    weights(edges.size() - 1) = relative.weight;
+  }
+  CheckStddevs(stddevs);
+  const std::vector<double> num_closing_triangles =
+      CountClosingTriangles(num_nodes, edges, relatives);
+  std::vector<double> tree_weights = num_closing_triangles;
+  for (size_t e = 0; e < tree_weights.size(); ++e) {
+    tree_weights[e] = weights(e) * (1 + tree_weights[e]);
+  }
+  const SpanningTree tree =
+      MaximumSpanningTree(num_nodes, edges, tree_weights, fixed_node);
+  if (static_cast<int>(tree.order.size()) < num_nodes) return false;
+
+  std::vector<Eigen::Quaterniond> estimates;
+  const bool has_start = static_cast<int>(rotations->size()) == num_nodes;
+  if (has_start) {
+    for (const Eigen::Quaterniond& rotation : *rotations) {
+      estimates.push_back(NormalizedChecked(rotation));
+    }
+  } else {
+    estimates = ChainAlongTree(relatives, tree);
+  }
+  // With R_i <- R_i exp(x_i), the residual e changes by x_1 - x_2 to first
+  // order. The exact derivative has the same gradient, for e is an eigenvector
+  // of its own Jacobian: fixed points are minima.
+  const auto apply_steps = [&](const Eigen::MatrixXd& steps) {
+    for (int node = 0; node < num_nodes; ++node) {
+      Eigen::Quaterniond& rotation = estimates[node];
+      rotation = (rotation * ExpRotation(steps.row(node))).normalized();
+    }
+  };
+  GraphLaplacianSolver solver(num_nodes, edges, fixed_node);
+  if (!AverageReweighted(
+          options,
+          edges,
+          stddevs,
+          weights,
+          TrustOf(num_closing_triangles),
+          [&]() { return ComputeResiduals(relatives, estimates); },
+          apply_steps,
+          &solver)) {
+    return false;
+  }
+  // The fixed node's start is handed back bit by bit.
+  if (has_start) estimates[fixed_node] = (*rotations)[fixed_node];
+  *rotations = std::move(estimates);
+  return true;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,91 @@
+// Camera centres and points from rotations and viewing rays, from a metric
+// start (DGSfM Eq. 17; BATA residual of Zhuang 2018 as in GLOMAP).
+
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+struct PositioningObservation {
+  int camera = 0;
+  int point = 0;
+  // Unit viewing ray in the world frame: R_i^T u.
+  Eigen::Vector3d ray_in_world = Eigen::Vector3d::UnitZ();
+  // Weight of the squared residual [1].
+  double weight = 1;
+  // Logarithm of the distance between camera and point by a depth map, and its
+  // standard deviation [1]; 0 = unknown.
+  double log_distance = 0;
+  double log_distance_stddev = 0;
+};
+
+struct GlobalPositioningOptions {
+  int max_num_iterations = 100;
+  // Huber threshold on the norm of the residual, the sine of the angle
+  // between ray and point direction [1].
+  double loss_scale = 0.1;
+  // Relative decrease of the cost at which the solver stops [1].
+  double function_tolerance = 1e-5;
+  // Whether the scale of each observation is eliminated; otherwise all are
+  // parameters, as in the paper, which has the same minima.
+  bool eliminate_scales = true;
+  // Whether log distances take part, each camera's with a factor of its own.
+  // Not with scales as parameters.
+  bool use_depth = true;
+  // Error of a ray [sine of angle] that weighs as much as a log distance that
+  // is off by its standard deviation ...
+  double ray_stddev = 0.005;
+  // ... of a camera with this many; more share the weight, since their errors
+  // have causes in common.
+  double max_num_depths = 20;
+  // Standard deviation of the logarithms of the cameras' factors about 0 [1].
+  double log_factor_stddev = 0.05;
+  int num_threads = 1;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct GlobalPositioningSummary {
+  // Whether centres and points are finite and no worse than at the start.
+  bool success = false;
+  // Whether it ended before max_num_iterations did.
+  bool converged = false;
+  int num_iterations = 0;
+  double initial_cost = 0;
+  double final_cost = 0;
+  std::string message;
+};
+
+// Minimises sum w rho(min_alpha |d - alpha (X - c)|^2), alpha >= 0, over the
+// centres c and points X: the scale alpha of each observation is eliminated
+// in closed form (see estimators/optimization/ray_point_residual.h). Points
+// behind a camera do not feel its ray.
+//
+// With `use_depth`, e = log |X - c| - log_distance - b_c adds v rho_c(e /
+// stddev) with a Cauchy loss, and each log factor b_c its prior, to the cost,
+// where v = ray_stddev^2 min(1, max_num_depths / number of the camera's
+// depths). The factors are unknowns, 0 at first.
+//
+// Gauge: centre of fixed_camera constant; the scale is held by the start's
+// damping and restored afterwards: a scaling about the fixed centre makes the
+// median over the observations of log(distance / distance in the start) zero.
+// Cameras and points without observations stay where they are.
+//
+// Not successful, centres and points unchanged, without observations or if the
+// start is not finite; running out of iterations is no failure. Throws on
+// indices out of range, rays that are no unit vectors and weights that are not
+// finite and positive.
+//
+// The same for any number of threads, if scales are eliminated.
+GlobalPositioningSummary SolveGlobalPositioning(
+    const std::vector<PositioningObservation>& observations,
+    int fixed_camera,
+    const GlobalPositioningOptions& options,
+    std::vector<Eigen::Vector3d>* centers,
+    std::vector<Eigen::Vector3d>* points);
+
+}  // namespace dgsfm

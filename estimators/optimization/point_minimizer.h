@@ -1,0 +1,295 @@
+// Levenberg-Marquardt over cameras and points with the points eliminated.
+
+#pragma once
+
+#include "estimators/optimization/point_elimination.h"
+#include "estimators/optimization/reduced_system.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+
+namespace dgsfm {
+
+struct PointMinimizerOptions {
+  int max_num_iterations = 100;
+  // Relative decrease of the cost by one step at which it has converged [1].
+  double function_tolerance = 1e-6;
+  // Whether points that lag behind the cameras are refined by themselves
+  // between steps: not where cameras have far to go, whom this would hold back.
+  bool refine_points = true;
+  int num_threads = 1;
+  // Entries of the factor of the reduced system above which steps come from
+  // conjugate gradients.
+  double max_num_factor_entries = ReducedSystem::kMaxNumFactorEntries;
+};
+
+struct PointMinimizerSummary {
+  // Whether the cost could be evaluated at the start; the end is never worse.
+  bool success = false;
+  bool converged = false;
+  int num_iterations = 0;
+  double initial_cost = 0;
+  double final_cost = 0;
+};
+
+// A sum of robust costs of observations, one camera and one point each, and of
+// further terms of the cameras' columns alone.
+template <int kResidual, int kCamera>
+class PointProblem {
+ public:
+  using Elimination = PointElimination<kResidual, kCamera>;
+  using Row = typename Elimination::Row;
+  using CameraColumns = typename Elimination::CameraColumns;
+  using Triplets = std::vector<Eigen::Triplet<double>>;
+
+  virtual ~PointProblem() = default;
+
+  // Half the robust squared residual, or infinity where there is none.
+  virtual double Cost(int observation) const = 0;
+  // The residual with derivatives, scaled so that J^T r is the gradient of the
+  // cost. Called where the cost is finite.
+  virtual void Linearize(int observation, Row* row) const = 0;
+  // Further terms; the pattern of their lower triangle stays.
+  virtual double TermsCost() const { return 0; }
+  virtual void LinearizeTerms(Triplets* /*hessian*/,
+                              Eigen::VectorXd* /*gradient*/) const {}
+  // Moves all parameters, keeping where they were for Undo.
+  virtual void Step(const Eigen::VectorXd& column_steps,
+                    const std::vector<Eigen::Vector3d>& point_steps) = 0;
+  virtual void Undo() = 0;
+  // May be moved by itself.
+  virtual Eigen::Vector3d& Point(int point) = 0;
+
+  ObservationIndex observation_index;
+  std::vector<CameraColumns> camera_columns;
+  int num_columns = 0;
+};
+
+namespace internal {
+
+template <int kResidual, int kCamera>
+class PointMinimizer {
+ public:
+  using Problem = PointProblem<kResidual, kCamera>;
+
+  PointMinimizer(const PointMinimizerOptions& options, Problem* problem)
+      : options_(options),
+        problem_(problem),
+        elimination_(problem->observation_index,
+                     problem->camera_columns,
+                     options.num_threads),
+        system_(
+            problem->num_columns, Pattern(), options.max_num_factor_entries) {
+    elimination_.Attach(system_);
+  }
+
+  PointMinimizerSummary Run() {
+    PointMinimizerSummary summary;
+    double cost = Cost();
+    summary.initial_cost = summary.final_cost = cost;
+    summary.success = std::isfinite(cost);
+    if (!summary.success) return summary;
+    cost -= LinearizeAndRefinePoints(cost);
+    summary.final_cost = cost;
+    while (summary.num_iterations < options_.max_num_iterations &&
+           damping_ < kMaxDamping) {
+      ++summary.num_iterations;
+      const double decrease = TryStep();
+      if (!(decrease > 0)) {
+        Reject();
+        continue;
+      }
+      const double new_cost = Cost();
+      const double gain = (cost - new_cost) / decrease;
+      if (!(gain > kMinGain)) {
+        problem_->Undo();
+        // Too small to tell from rounding.
+        summary.converged = decrease < kRoundingShare * cost;
+        if (summary.converged) break;
+        Reject();
+        continue;
+      }
+      damping_ *= std::max(1.0 / 3, 1 - std::pow(2 * gain - 1, 3));
+      growth_ = 2;
+      const double last_cost = cost;
+      cost = new_cost - LinearizeAndRefinePoints(new_cost);
+      summary.final_cost = cost;
+      summary.converged =
+          last_cost - cost <= options_.function_tolerance * last_cost;
+      if (summary.converged) break;
+    }
+    return summary;
+  }
+
+ private:
+  static constexpr double kInitialDamping = 1e-4;
+  static constexpr double kMaxDamping = 1e16;
+  static constexpr double kMinGain = 1e-3;
+  static constexpr double kRoundingShare = 1e-12;
+  static constexpr int kChunkSize = 4096;
+  // Of the decrease at which all has converged, what one point must promise to
+  // be refined by itself.
+  static constexpr double kPointShare = 0.01;
+  static constexpr int kMaxNumPointIterations = 10;
+
+  std::vector<std::pair<int, int>> Pattern() {
+    std::vector<std::pair<int, int>> pattern = elimination_.Pattern();
+    terms_gradient_.setZero(problem_->num_columns);
+    problem_->LinearizeTerms(&terms_, &terms_gradient_);
+    for (const auto& term : terms_)
+      pattern.emplace_back(term.col(), term.row());
+    return pattern;
+  }
+
+  double Cost() const {
+    const size_t count = problem_->observation_index.cameras.size();
+    std::vector<double> sums((count + kChunkSize - 1) / kChunkSize, 0);
+    ParallelFor(sums.size(), options_.num_threads, [&](size_t chunk) {
+      const size_t end = std::min(count, (chunk + 1) * kChunkSize);
+      for (size_t k = chunk * kChunkSize; k < end; ++k) {
+        sums[chunk] += problem_->Cost(int(k));
+      }
+    });
+    double cost = problem_->TermsCost();
+    for (const double sum : sums) cost += sum;
+    return cost;
+  }
+
+  // A few points, wrong ones above all, take many more steps than the cameras.
+  // Those that promise a lower cost by themselves go on at once, with the
+  // cameras held. Returns the decrease of the cost.
+  double LinearizeAndRefinePoints(double cost) {
+    auto& rows = elimination_.Rows();
+    elimination_.ParallelChunks(
+        int(rows.size()), [&](int k) { problem_->Linearize(k, &rows[k]); });
+    const double min_decrease =
+        kPointShare * options_.function_tolerance * cost;
+    std::vector<double> decreases(problem_->observation_index.num_points, 0);
+    if (options_.refine_points) {
+      elimination_.ParallelChunks(int(decreases.size()), [&](int point) {
+        decreases[point] = RefinePoint(point, min_decrease);
+      });
+    }
+    diagonal_.setZero(problem_->num_columns);
+    gradient_.setZero(problem_->num_columns);
+    elimination_.Accumulate(&diagonal_, &gradient_);
+    terms_.clear();
+    terms_gradient_.setZero(problem_->num_columns);
+    problem_->LinearizeTerms(&terms_, &terms_gradient_);
+    gradient_ += terms_gradient_;
+    for (const auto& term : terms_) {
+      if (term.row() == term.col()) diagonal_(term.row()) += term.value();
+    }
+    return std::accumulate(decreases.begin(), decreases.end(), 0.0);
+  }
+
+  double RefinePoint(int point, double min_decrease) {
+    double total = 0;
+    double cost = -1;
+    double damping = kInitialDamping;
+    for (int i = 0; i < kMaxNumPointIterations; ++i) {
+      const auto [hessian, gradient] = elimination_.NormalEquations(point);
+      Eigen::Matrix3d damped = hessian;
+      damped.diagonal() +=
+          damping * Problem::Elimination::Damped(hessian.diagonal());
+      const Eigen::Vector3d step = -damped.llt().solve(gradient);
+      if (!(-0.5 * gradient.dot(step) > min_decrease)) break;
+      if (cost < 0) cost = CostOfPoint(point);
+      const Eigen::Vector3d start = problem_->Point(point);
+      problem_->Point(point) += step;
+      const double new_cost = CostOfPoint(point);
+      if (!(new_cost < cost)) {
+        problem_->Point(point) = start;
+        damping *= 10;
+        continue;
+      }
+      total += cost - new_cost;
+      cost = new_cost;
+      damping /= 10;
+      for (int k = elimination_.PointBegin(point);
+           k < elimination_.PointEnd(point);
+           ++k) {
+        problem_->Linearize(k, &elimination_.Rows()[k]);
+      }
+    }
+    return total;
+  }
+
+  double CostOfPoint(int point) const {
+    double cost = 0;
+    for (int k = elimination_.PointBegin(point);
+         k < elimination_.PointEnd(point);
+         ++k) {
+      cost += problem_->Cost(k);
+    }
+    return cost;
+  }
+
+  // Returns the decrease of the cost that the linearised problem promises, 0 if
+  // there is no step.
+  double TryStep() {
+    system_.SetZero();
+    Eigen::VectorXd rhs = -terms_gradient_;
+    elimination_.Eliminate(damping_, &system_, &rhs);
+    double* values = system_.Values();
+    for (const auto& term : terms_) {
+      values[system_.EntryOf(term.row(), term.col())] += term.value();
+    }
+    const Eigen::VectorXd damped =
+        damping_ *
+        PointProblem<kResidual, kCamera>::Elimination::Damped(diagonal_.array())
+            .matrix();
+    for (int i = 0; i < problem_->num_columns; ++i) {
+      values[system_.EntryOf(i, i)] += damped(i);
+    }
+    if (!system_.Solve(rhs, &column_steps_)) return 0;
+    elimination_.Substitute(column_steps_, &point_steps_);
+    const double decrease =
+        0.5 *
+            column_steps_.dot(damped.cwiseProduct(column_steps_) - gradient_) +
+        elimination_.PointDecrease(damping_, point_steps_);
+    if (decrease > 0) problem_->Step(column_steps_, point_steps_);
+    return decrease;
+  }
+
+  void Reject() {
+    damping_ *= growth_;
+    growth_ *= 2;
+  }
+
+  const PointMinimizerOptions options_;
+  Problem* problem_;
+  PointElimination<kResidual, kCamera> elimination_;
+  typename Problem::Triplets terms_;
+  Eigen::VectorXd terms_gradient_;
+  ReducedSystem system_;
+  double damping_ = kInitialDamping;
+  double growth_ = 2;
+  Eigen::VectorXd diagonal_;
+  Eigen::VectorXd gradient_;
+  Eigen::VectorXd column_steps_;
+  std::vector<Eigen::Vector3d> point_steps_;
+};
+
+}  // namespace internal
+
+// Minimises the sum of the costs. Steps are taken where they decrease the cost
+// at least by a thousandth of what the linearised problem promises; the
+// damping, relative to the diagonal of J^T J, follows their ratio (Nielsen).
+// Between steps, points far from their minimum given the cameras go there.
+// The same for any number of threads.
+template <int kResidual, int kCamera>
+PointMinimizerSummary MinimizeWithPoints(
+    const PointMinimizerOptions& options,
+    PointProblem<kResidual, kCamera>* problem) {
+  return internal::PointMinimizer<kResidual, kCamera>(options, problem).Run();
+}
+
+}  // namespace dgsfm

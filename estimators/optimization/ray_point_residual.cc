@@ -1,0 +1,39 @@
+#include "estimators/optimization/ray_point_residual.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace dgsfm {
+
+Eigen::Vector3d RayPointResidual(const Eigen::Vector3d& ray,
+                                 const Eigen::Vector3d& point_from_center,
+                                 Eigen::Matrix3d* by_point) {
+  const double norm = point_from_center.norm();
+  const double cosine = norm > 0 ? ray.dot(point_from_center) / norm : 0;
+  if (!(cosine > 0)) {
+    if (by_point) by_point->setZero();
+    return ray;
+  }
+  const Eigen::Vector3d direction = point_from_center / norm;
+  const Eigen::Vector3d residual = ray - cosine * direction;
+  if (by_point) {
+    *by_point = (cosine * (direction * direction.transpose() -
+                           Eigen::Matrix3d::Identity()) -
+                 direction * residual.transpose()) /
+                norm;
+  }
+  return residual;
+}
+
+double LogDistance(const Eigen::Vector3d& point_from_center,
+                   Eigen::Vector3d* by_point) {
+  constexpr double kMin = std::numeric_limits<double>::min();
+  if (by_point) {
+    *by_point =
+        point_from_center / std::max(point_from_center.squaredNorm(), kMin);
+  }
+  return std::log(std::max(point_from_center.norm(), kMin));
+}
+
+}  // namespace dgsfm

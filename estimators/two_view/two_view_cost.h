@@ -1,0 +1,166 @@
+// The cost of a TwoViewModel over the matches of a pair, and its Gauss-Newton
+// approximation.
+
+#pragma once
+
+#include "colmap_ext/focal_prior.h"
+#include "estimators/two_view/two_view_data.h"
+#include "estimators/two_view/two_view_depth_field.h"
+#include "estimators/two_view/two_view_model.h"
+#include "estimators/two_view/two_view_residuals.h"
+
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+// What the depths add to the cost.
+enum class DepthTerm {
+  // Nothing; the translation keeps its length.
+  NONE,
+  // One residual of size 2 per match with depths: the part of the forward
+  // transfer error along the epipolar line, and the log ratio of the depths.
+  // Whitened by their covariance under pixel and log-depth noise: with j the
+  // derivative of the transfer by the log depth and a that of the log of the
+  // transferred depth,
+  //   [2 px^2 + |j|^2 sd^2, |j| a sd^2; ., (1 + a^2) sd^2].
+  // Parallax decides by itself whether a point tells of rotation or scale.
+  WHITENED,
+  // Forward and backward transfer error, two residuals of size 2, divided by
+  // max_reprojection_error_px [RePoseD].
+  REPROJECTION,
+};
+
+// Sum over matches, of
+//   rho(Sampson error / stddev_px) + depth term + focal and field priors,
+// each residual truncated by itself, so that a wrong depth does not cost the
+// match its epipolar information. Points behind the cameras pay the full
+// truncation.
+struct TwoViewCostOptions {
+  DepthTerm depth_term = DepthTerm::WHITENED;
+  // Noise of an image point [px].
+  double stddev_px = 0.5;
+  // Noise of log depth, each map [1].
+  double log_depth_stddev = 0.1;
+  // Truncation of the Sampson error [px] and of the whitened depth term [1].
+  double max_epipolar_error_px = 1;
+  double max_depth_residual = 3;
+  // Truncation of the transfer error in DepthTerm::REPROJECTION [px], at
+  // which it costs as much as a Sampson error of max_epipolar_error_px.
+  double max_reprojection_error_px = 16;
+  // Cauchy's loss up to the truncation instead of squares.
+  bool cauchy = false;
+  FocalPrior focal_prior1;
+  FocalPrior focal_prior2;
+  // Of each coefficient of the smooth depth errors [1], 0 = no such errors;
+  // with DepthTerm::WHITENED only.
+  double depth_field_stddev = 0;
+  // Lengths in which they are about one over the image [px].
+  double depth_field_unit1_px = 1;
+  double depth_field_unit2_px = 1;
+};
+
+struct TwoViewCost {
+  double epipolar = 0;
+  double depth = 0;
+  double prior = 0;
+  // Matches whose depth term is not truncated.
+  int num_depth_inliers = 0;
+
+  double Total() const { return epipolar + depth + prior; }
+};
+
+using TwoViewMatrix =
+    Eigen::Matrix<double, kNumTwoViewParams, kNumTwoViewParams>;
+
+struct NormalEquations {
+  TwoViewMatrix matrix = TwoViewMatrix::Zero();
+  TwoViewStep gradient = TwoViewStep::Zero();
+  // Of the depth fields (the lower triangle), and between them and the model.
+  Eigen::Matrix<double, 2 * kNumDepthFieldTerms, 2 * kNumDepthFieldTerms>
+      field_matrix;
+  DepthFields field_gradient;
+  Eigen::Matrix<double, kNumTwoViewParams, 2 * kNumDepthFieldTerms> cross;
+};
+
+// Keeps references to its arguments.
+class TwoViewCostFunction {
+ public:
+  TwoViewCostFunction(const TwoViewData& data,
+                      const TwoViewCostOptions& options);
+
+  // Cost at `model`, and its normal equations. Whitens the depth term at this
+  // model, also for the following calls of Evaluate.
+  TwoViewCost Linearize(const TwoViewModel& model,
+                        const DepthFields& fields,
+                        NormalEquations* normal);
+  TwoViewCost Evaluate(const TwoViewModel& model,
+                       const DepthFields& fields) const;
+
+  // The whitened depth term alone, whitened at this model.
+  TwoViewCost EvaluateDepth(const TwoViewModel& model);
+
+  bool HasFields() const { return options_.depth_field_stddev > 0; }
+
+ private:
+  // Turns a transfer into the whitened residual (L^-1 r for L L^T = its
+  // covariance).
+  struct Whitening {
+    // Of the epipolar line; zero if the point cannot be transferred.
+    Eigen::Vector2d direction = Eigen::Vector2d::Zero();
+    double w11 = 0;
+    double w21 = 0;
+    double w22 = 0;
+    // Derivatives of the part along the line [px] and of the log of the
+    // transferred depth by the log depth.
+    double shift = 0;
+    double slope = 0;
+
+    Eigen::Vector2d operator()(const Transfer& transfer) const;
+  };
+
+  Whitening WhitenAt(const TwoViewModel& model,
+                     const Eigen::Matrix3d& F,
+                     const Transfer& transfer,
+                     int i) const;
+  void AddEpipolar(const TwoViewModel& model,
+                   TwoViewCost* cost,
+                   NormalEquations* normal) const;
+  bool Forward(const TwoViewModel& model,
+               const DepthFields& fields,
+               int i,
+               Transfer* transfer) const;
+  void AddWhitened(const TwoViewModel& model,
+                   const DepthFields& fields,
+                   TwoViewCost* cost) const;
+  void AddWhitenedRows(int i,
+                       const TwoViewModel& model,
+                       const Transfer& transfer,
+                       double weight,
+                       NormalEquations* normal) const;
+  void LinearizeWhitened(const TwoViewModel& model,
+                         const DepthFields& fields,
+                         TwoViewCost* cost,
+                         NormalEquations* normal);
+  void AddReprojection(TransferDirection direction,
+                       const TwoViewModel& model,
+                       TwoViewCost* cost,
+                       NormalEquations* normal) const;
+  void AddPriors(const TwoViewModel& model,
+                 const DepthFields& fields,
+                 TwoViewCost* cost,
+                 NormalEquations* normal) const;
+
+  const TwoViewData& data_;
+  const TwoViewCostOptions& options_;
+  const double inverse_stddev_;
+  const double max_sq_epipolar_;
+  const double max_sq_depth_;
+  const double reprojection_weight_;
+  std::vector<Whitening> whitenings_;
+  // At the points of each match, if there are depth fields.
+  std::vector<DepthFieldBasis> basis1_, basis2_;
+};
+
+}  // namespace dgsfm

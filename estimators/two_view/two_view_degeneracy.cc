@@ -1,0 +1,155 @@
+#include "estimators/two_view/two_view_degeneracy.h"
+
+#include <array>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+namespace dgsfm {
+namespace {
+
+constexpr double kMinShare = 0.8;
+
+// Indices of the matches with |H x1 - x2| below the bound.
+std::vector<int> FittingMatches(const TwoViewData& data,
+                                const Eigen::Matrix3d& H,
+                                double max_error_px) {
+  std::vector<int> fitting;
+  for (int i = 0; i < data.Size(); ++i) {
+    const Eigen::Vector3d point = H * data.points1[i].homogeneous();
+    // Multiplied by the third coordinate, whose sign is free.
+    const Eigen::Vector2d error = point.head<2>() - point.z() * data.points2[i];
+    if (error.squaredNorm() <
+        max_error_px * max_error_px * point.z() * point.z()) {
+      fitting.push_back(i);
+    }
+  }
+  return fitting;
+}
+
+bool IsMost(size_t num, const TwoViewData& data) {
+  return data.Size() > 0 && static_cast<double>(num) >= kMinShare * data.Size();
+}
+
+// Maps the four unit vectors e1, e2, e3, (1, 1, 1) to the points.
+Eigen::Matrix3d ProjectiveBasis(const std::vector<Eigen::Vector2d>& points,
+                                const std::array<int, 4>& sample) {
+  Eigen::Matrix3d basis;
+  for (int k = 0; k < 3; ++k) basis.col(k) = points[sample[k]].homogeneous();
+  const Eigen::Vector3d weights =
+      basis.inverse() * points[sample[3]].homogeneous();
+  return basis * weights.asDiagonal();
+}
+
+// Least squares of the transfer errors times the third coordinate, which the
+// start fixes [px].
+Eigen::Matrix3d RefineHomography(const TwoViewData& data,
+                                 const std::vector<int>& indices,
+                                 const Eigen::Matrix3d& start) {
+  using Matrix8 = Eigen::Matrix<double, 8, 8>;
+  using Vector8 = Eigen::Matrix<double, 8, 1>;
+  Matrix8 matrix = Matrix8::Zero();
+  Vector8 right = Vector8::Zero();
+  for (const int i : indices) {
+    const Eigen::Vector2d& x1 = data.points1[i];
+    const Eigen::Vector2d& x2 = data.points2[i];
+    const double weight = 1 / (start.row(2) * x1.homogeneous()).value();
+    for (int k = 0; k < 2; ++k) {
+      Vector8 row = Vector8::Zero();
+      row.segment<3>(3 * k) = weight * x1.homogeneous();
+      row.tail<2>() = -weight * x2(k) * x1;
+      matrix += row * row.transpose();
+      right += weight * x2(k) * row;
+    }
+  }
+  const Vector8 h = matrix.ldlt().solve(right);
+  Eigen::Matrix3d H;
+  H << h(0), h(1), h(2), h(3), h(4), h(5), h(6), h(7), 1;
+  return H;
+}
+
+// That brings the viewing rays of the matches closest.
+Eigen::Matrix3d FitRotation(const TwoViewData& data,
+                            const std::vector<int>& indices,
+                            const TwoViewModel& model) {
+  const auto ray = [](const Eigen::Vector2d& x, double focal) {
+    return Eigen::Vector3d(x.x(), x.y(), focal).normalized();
+  };
+  Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
+  for (const int i : indices) {
+    correlation += ray(data.points2[i], model.focal2) *
+                   ray(data.points1[i], model.focal1).transpose();
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
+      correlation, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d U = svd.matrixU();
+  if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) *= -1;
+  return U * svd.matrixV().transpose();
+}
+
+}  // namespace
+
+bool IsPlanar(const TwoViewData& inliers,
+              double max_error_px,
+              SplitMix64* random) {
+  constexpr int kNumTrials = 100;
+  constexpr int kMinNumMatches = 8;
+  if (inliers.Size() < kMinNumMatches) return false;
+  std::vector<int> best;
+  Eigen::Matrix3d best_H = Eigen::Matrix3d::Identity();
+  for (int trial = 0; trial < kNumTrials && !IsMost(best.size(), inliers);
+       ++trial) {
+    std::array<int, 4> sample;
+    for (int& i : sample) i = random->Below(inliers.Size());
+    // Repeated matches make it singular, and nothing fits.
+    const Eigen::Matrix3d H =
+        ProjectiveBasis(inliers.points2, sample) *
+        ProjectiveBasis(inliers.points1, sample).inverse();
+    std::vector<int> fitting = FittingMatches(inliers, H, max_error_px);
+    if (fitting.size() <= best.size()) continue;
+    best = std::move(fitting);
+    best_H = H;
+  }
+  constexpr int kNumRefinements = 3;
+  for (int k = 0; k < kNumRefinements && best.size() >= kMinNumMatches; ++k) {
+    if (IsMost(best.size(), inliers)) return true;
+    best_H /= best_H(2, 2);
+    best_H = RefineHomography(inliers, best, best_H);
+    best = FittingMatches(inliers, best_H, max_error_px);
+  }
+  return IsMost(best.size(), inliers);
+}
+
+bool IsRotationOnly(const TwoViewData& inliers,
+                    const TwoViewModel& model,
+                    double max_error_px) {
+  // The model's own rotation makes up for its translation.
+  constexpr int kNumRefinements = 3;
+  constexpr double kStartFactor = 3;
+  const auto fitting_matches = [&](const Eigen::Matrix3d& rotation,
+                                   double bound) {
+    const Eigen::Matrix3d H =
+        Eigen::Vector3d(model.focal2, model.focal2, 1).asDiagonal() * rotation *
+        Eigen::Vector3d(1 / model.focal1, 1 / model.focal1, 1).asDiagonal();
+    return FittingMatches(inliers, H, bound);
+  };
+  std::vector<int> fitting =
+      fitting_matches(model.rotation, kStartFactor * max_error_px);
+  for (int k = 0; k < kNumRefinements; ++k) {
+    fitting =
+        fitting_matches(FitRotation(inliers, fitting, model), max_error_px);
+  }
+  return IsMost(fitting.size(), inliers);
+}
+
+bool IsStationary(const TwoViewData& inliers, double max_error_px) {
+  return IsMost(
+      FittingMatches(inliers, Eigen::Matrix3d::Identity(), max_error_px).size(),
+      inliers);
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,363 @@
+#include "estimators/two_view/two_view_final.h"
+
+#include "estimators/median.h"
+#include "estimators/solvers/epipolar.h"
+#include "estimators/two_view/two_view_degeneracy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <Eigen/Cholesky>
+
+namespace dgsfm {
+namespace {
+
+// Smallest support that tells a model from a coincidence of its own sample.
+constexpr int kMinNumInliers = 8;
+// What the depth fields leave of the errors of depth maps still varies slowly
+// over the image: a pair has no more than about this many independent ones.
+constexpr double kNumIndependentDepths = 10;
+// Focal lengths known better than this need no prior, ...
+constexpr double kMaxPriorFreeLogFocalStddev = 0.1;
+// ... and worse than this they are no evidence.
+constexpr double kMaxLogFocalStddev = 0.3;
+// A round of refinement.
+struct Round {
+  // Share of the cost below which a decrease ends it.
+  double min_relative_decrease;
+  // Enough matches for the accuracy of the round.
+  int max_num_matches;
+};
+
+constexpr Round kNoiseRound = {1e-4, 300};
+// Goes on until rounding stops it: the costs of the outliers hide the last of
+// the decrease.
+constexpr Round kLastRound = {1e-7, 1000};
+
+// Of log depth per map, over matches with depths.
+double DepthNoise(const TwoViewData& data,
+                  const std::vector<int>& indices,
+                  const TwoViewModel& model,
+                  int* num_depths) {
+  std::vector<double> log_ratios;
+  for (const int i : indices) {
+    Transfer transfer;
+    if (data.HasDepths(i) && data.Forward(model, i, &transfer)) {
+      log_ratios.push_back(transfer.log_depth_ratio);
+    }
+  }
+  *num_depths = static_cast<int>(log_ratios.size());
+  if (log_ratios.empty()) return 0;
+  return RobustStddev(log_ratios, Median(log_ratios)) / std::sqrt(2.0);
+}
+
+class Finisher {
+ public:
+  Finisher(const TwoViewProblem& problem, const TwoViewCandidate& candidate)
+      : problem_(problem),
+        options_(problem.Options()),
+        data_(problem.Data()),
+        candidate_(candidate),
+        corrected_data_(problem.Data()) {}
+
+  TwoViewCandidate Run(SplitMix64* random, TwoViewDepthResult* result);
+
+ private:
+  TwoViewCostOptions EstimateNoise(const TwoViewModel& model, bool with_depth);
+  TwoViewData TrustedMatches(const TwoViewModel& model,
+                             double max_error_px,
+                             int max_num) const;
+  void CorrectDepths();
+  void Refine();
+  void RefineWithoutDepth();
+  void Report(TwoViewDepthResult* result) const;
+  void ReportCovariance(TwoViewDepthResult* result) const;
+  void ReportDegeneracy(SplitMix64* random, TwoViewDepthResult* result);
+
+  const TwoViewProblem& problem_;
+  const TwoViewDepthOptions& options_;
+  const TwoViewData& data_;
+  TwoViewCandidate candidate_;
+  // Without smooth errors.
+  double depth_noise_ = 0;
+  DepthFields fields_ = DepthFields::Zero();
+  // The matches without the smooth errors of their depths.
+  TwoViewData corrected_data_;
+  // Of the refinement.
+  TwoViewMatrix covariance_ = TwoViewMatrix::Zero();
+};
+
+// Noise of points and depths as the inliers of the model show it.
+TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
+                                           bool with_depth) {
+  // Slowly varying errors do not show in the scatter of the ratios.
+  constexpr double kMinLogDepthStddev = 0.02;
+  constexpr double kMinStddevPerThreshold = 0.1;
+  // Of the smooth errors of good networks; those of others show in the noise
+  // and in the fields found, which the prior makes smaller than they are.
+  constexpr double kMinFieldStddev = 0.05;
+  constexpr double kFieldShrinkage = 1.5;
+  // Outliers by chance within the threshold are far out of an exact model.
+  constexpr double kMaxEpipolarErrorPerStddev = 4;
+  constexpr double kMinMaxEpipolarErrorRatio = 1e-3;
+  TwoViewCostOptions cost_options =
+      problem_.CostOptions(problem_.SearchTerm(with_depth));
+  cost_options.cauchy = true;
+  if (options_.paper) return cost_options;
+  const double max_error = options_.max_epipolar_error_px;
+  const Eigen::Matrix3d F = model.FundamentalMatrix();
+  const std::vector<int> inliers = problem_.Inliers(model);
+  std::vector<double> errors_px;
+  for (const int i : inliers) errors_px.push_back(data_.Sampson(F, i));
+  if (!errors_px.empty()) {
+    const double stddev = RobustStddev(errors_px, 0);
+    cost_options.stddev_px = std::clamp(
+        stddev, kMinStddevPerThreshold * max_error, cost_options.stddev_px);
+    cost_options.max_epipolar_error_px =
+        std::clamp(kMaxEpipolarErrorPerStddev * stddev,
+                   kMinMaxEpipolarErrorRatio * max_error,
+                   max_error);
+  }
+  int num_depths = 0;
+  const double depth_noise =
+      with_depth ? DepthNoise(corrected_data_, inliers, model, &num_depths) : 0;
+  if (num_depths >= kMinNumInliers) {
+    depth_noise_ = depth_noise;
+    cost_options.log_depth_stddev =
+        std::max(depth_noise_, kMinLogDepthStddev) *
+        std::sqrt(std::max(1.0, num_depths / kNumIndependentDepths));
+    cost_options.depth_field_stddev =
+        std::max({kMinFieldStddev,
+                  depth_noise_,
+                  kFieldShrinkage * fields_.norm() /
+                      std::sqrt(2.0 * kNumDepthFieldTerms)});
+    cost_options.depth_field_unit1_px = problem_.ImageUnit1();
+    cost_options.depth_field_unit2_px = problem_.ImageUnit2();
+  }
+  return cost_options;
+}
+
+// The matches that may fit the model, without the depths of outliers and those
+// that are wrong under the noise of the good ones: the capped noise of the
+// refinement would let them pass.
+TwoViewData Finisher::TrustedMatches(const TwoViewModel& model,
+                                     double max_error_px,
+                                     int max_num) const {
+  constexpr double kActiveRange = 2;
+  constexpr double kMaxDeviation = 4;
+  constexpr double kMinLogDepthStddev = 1e-3;
+  const double max_log_ratio = kMaxDeviation * std::sqrt(2.0) *
+                               std::max(depth_noise_, kMinLogDepthStddev);
+  const Eigen::Matrix3d F = model.FundamentalMatrix();
+  const std::vector<int> near =
+      problem_.Near(model, kActiveRange * max_error_px, max_num);
+  TwoViewData data = data_.Subset(near);
+  for (int i = 0; i < data.Size(); ++i) {
+    Transfer transfer;
+    if (!data.HasDepths(i)) continue;
+    if (std::abs(data.Sampson(F, i)) > max_error_px ||
+        !corrected_data_.Forward(model, near[i], &transfer) ||
+        std::abs(transfer.log_depth_ratio) > max_log_ratio) {
+      data.depths1[i] = data.depths2[i] = 0;
+    }
+  }
+  return data;
+}
+
+void Finisher::CorrectDepths() {
+  const auto factor = [this](const Eigen::Vector2d& x, double unit, int begin) {
+    return std::exp(-EvaluateDepthFieldBasis(x / unit).dot(
+        fields_.segment<kNumDepthFieldTerms>(begin)));
+  };
+  for (int i = 0; i < data_.Size(); ++i) {
+    corrected_data_.depths1[i] =
+        data_.depths1[i] * factor(data_.points1[i], problem_.ImageUnit1(), 0);
+    corrected_data_.depths2[i] =
+        data_.depths2[i] *
+        factor(data_.points2[i], problem_.ImageUnit2(), kNumDepthFieldTerms);
+  }
+}
+
+void Finisher::Refine() {
+  constexpr int kNumRounds = 3;
+  const FocalCase focal_case = problem_.Range().focal_case;
+  TwoViewModel model = candidate_.model;
+  TwoViewCostOptions cost_options;
+  TwoViewData data;
+  TwoViewRefinementOptions refinement_options;
+  for (int k = 1; k <= kNumRounds; ++k) {
+    const Round& round = k < kNumRounds ? kNoiseRound : kLastRound;
+    cost_options = EstimateNoise(model, candidate_.with_depth);
+    data = options_.paper ? data_
+                          : TrustedMatches(model,
+                                           cost_options.max_epipolar_error_px,
+                                           round.max_num_matches);
+    refinement_options.min_relative_decrease = round.min_relative_decrease;
+    RefineModel(
+        data, focal_case, cost_options, refinement_options, &model, &fields_);
+    CorrectDepths();
+  }
+  // Without priors, what the matches tell by themselves.
+  cost_options.focal_prior1 = cost_options.focal_prior2 = FocalPrior();
+  covariance_ =
+      EstimateCovariance(data, focal_case, cost_options, model, fields_);
+  if (focal_case != FocalCase::KNOWN &&
+      std::max(covariance_(kLogFocal1Param, kLogFocal1Param),
+               covariance_(kLogFocal2Param, kLogFocal2Param)) <
+          kMaxPriorFreeLogFocalStddev * kMaxPriorFreeLogFocalStddev) {
+    RefineModel(
+        data, focal_case, cost_options, refinement_options, &model, &fields_);
+  }
+  // Refinement with a soft loss may trade inliers; a real loss means that it
+  // has left the model that was found.
+  constexpr double kMinKeptInliers = 0.9;
+  const TwoViewCandidate refined =
+      problem_.Evaluate(model, candidate_.with_depth);
+  if (refined.score.num_inliers >=
+      kMinKeptInliers * candidate_.score.num_inliers) {
+    candidate_ = refined;
+  }
+}
+
+// With known focal lengths and parallax the image points alone give the better
+// pose: errors of depth maps are smooth and do not average out.
+void Finisher::RefineWithoutDepth() {
+  constexpr int kMinNumPoints = 30;
+  constexpr double kMinAngleRad = 3 * M_PI / 180;
+  std::vector<double> angles;
+  for (const int i : problem_.Inliers(candidate_.model)) {
+    const auto intersection =
+        IntersectRays(candidate_.model, data_.points1[i], data_.points2[i]);
+    angles.push_back(intersection ? intersection->angle_rad : 0);
+  }
+  if (angles.size() < kMinNumPoints || Median(angles) < kMinAngleRad) return;
+  TwoViewModel model = candidate_.model;
+  model.translation.normalize();
+  const TwoViewCostOptions cost_options =
+      EstimateNoise(model, /*with_depth=*/false);
+  TwoViewRefinementOptions refinement_options;
+  refinement_options.min_relative_decrease = kLastRound.min_relative_decrease;
+  RefineModel(TrustedMatches(model,
+                             cost_options.max_epipolar_error_px,
+                             kLastRound.max_num_matches),
+              problem_.Range().focal_case,
+              cost_options,
+              refinement_options,
+              &model);
+  if (!model.IsFinite() || !problem_.AttachScale(&model)) return;
+  const TwoViewCandidate refined = problem_.Evaluate(model, true);
+  if (refined.score.cost <= candidate_.score.cost) candidate_ = refined;
+}
+
+// Whether the translation is zero by its covariance.
+bool IsWithinNoise(const Eigen::Vector3d& translation,
+                   const TwoViewMatrix& covariance) {
+  constexpr double kMaxSqDeviation = 9;
+  const Eigen::Matrix3d block = covariance.block<3, 3>(3, 3);
+  return translation.dot(block.ldlt().solve(translation)) < kMaxSqDeviation;
+}
+
+void Finisher::ReportCovariance(TwoViewDepthResult* result) const {
+  result->has_covariance =
+      candidate_.with_depth && result->has_scale && covariance_.allFinite();
+  if (result->has_covariance) result->covariance = covariance_;
+}
+
+void Finisher::ReportDegeneracy(SplitMix64* random,
+                                TwoViewDepthResult* result) {
+  const FocalRange& range = problem_.Range();
+  const TwoViewData inliers = data_.Subset(problem_.Inliers(candidate_.model));
+  if (inliers.Size() == 0) return;
+  // Of the deviations from a homography by noise alone, 98 % are below this;
+  // relief of that size still tells something.
+  const double max_homography_error_px =
+      4 * EstimateNoise(candidate_.model, /*with_depth=*/false).stddev_px;
+  const double max_error_px = 2 * options_.max_epipolar_error_px;
+  TwoViewDegeneracy& degeneracy = result->degeneracy;
+  // A rotation comes with a homography, too, but tells the focal lengths.
+  const bool is_rotation =
+      IsRotationOnly(inliers, candidate_.model, max_error_px);
+  degeneracy.planar =
+      !is_rotation && IsPlanar(inliers, max_homography_error_px, random);
+  degeneracy.rotation_only =
+      result->has_covariance
+          ? IsWithinNoise(candidate_.model.translation, covariance_)
+          : is_rotation;
+  degeneracy.stationary = IsStationary(inliers, max_error_px);
+  // Fundamental matrices of a plane come with any epipole, hence with any focal
+  // length; smooth errors of the depths do not tell them apart.
+  const auto is_identifiable = [&](int param) {
+    return !degeneracy.planar &&
+           std::sqrt(covariance_(param, param)) < kMaxLogFocalStddev;
+  };
+  degeneracy.focal_identifiable1 =
+      range.Knows1() || is_identifiable(kLogFocal1Param);
+  degeneracy.focal_identifiable2 =
+      range.Knows2() || is_identifiable(kLogFocal2Param);
+  result->estimated_focal1 = !range.Knows1() && degeneracy.focal_identifiable1;
+  result->estimated_focal2 = !range.Knows2() && degeneracy.focal_identifiable2;
+  // All parameters are then off with the focal lengths.
+  if (!degeneracy.focal_identifiable1 || !degeneracy.focal_identifiable2) {
+    result->has_covariance = false;
+    result->covariance.setZero();
+  }
+}
+
+void Finisher::Report(TwoViewDepthResult* result) const {
+  TwoViewModel model = candidate_.model;
+  const std::vector<int> inliers = problem_.Inliers(model);
+  result->num_inliers = static_cast<int>(inliers.size());
+  result->inlier_mask.assign(data_.Size(), 0);
+  std::vector<double> angles;
+  for (const int i : inliers) {
+    result->inlier_mask[problem_.MatchIdx(i)] = 1;
+    const auto intersection =
+        IntersectRays(model, data_.points1[i], data_.points2[i]);
+    angles.push_back(intersection ? intersection->angle_rad : 0);
+  }
+  result->success = result->num_inliers >= kMinNumInliers;
+  if (!angles.empty()) {
+    result->median_triangulation_angle_deg = Median(angles) * 180 / M_PI;
+  }
+  int num_depths = 0;
+  if (candidate_.with_depth) {
+    result->depth_noise = DepthNoise(data_, inliers, model, &num_depths);
+  }
+  result->used_depth_free_estimator = !candidate_.with_depth;
+  result->has_scale = candidate_.with_depth
+                          ? candidate_.num_depth_inliers >= kMinNumInliers
+                          : problem_.AttachScale(&model);
+  if (!result->has_scale) {
+    model.scale = 1;
+    if (model.translation.norm() > 0) model.translation.normalize();
+  }
+  result->cam2_from_cam1 = Rigid3d(
+      Eigen::Quaterniond(model.rotation).normalized(), model.translation);
+  result->scale_1_from_2 = model.scale;
+  result->focal_length1_px = model.focal1;
+  result->focal_length2_px = model.focal2;
+}
+
+TwoViewCandidate Finisher::Run(SplitMix64* random, TwoViewDepthResult* result) {
+  Refine();
+  if (problem_.Range().focal_case == FocalCase::KNOWN &&
+      candidate_.with_depth && !options_.paper) {
+    RefineWithoutDepth();
+  }
+  Report(result);
+  ReportCovariance(result);
+  ReportDegeneracy(random, result);
+  return candidate_;
+}
+
+}  // namespace
+
+TwoViewCandidate FinishTwoViewModel(const TwoViewProblem& problem,
+                                    const TwoViewCandidate& candidate,
+                                    SplitMix64* random,
+                                    TwoViewDepthResult* result) {
+  return Finisher(problem, candidate).Run(random, result);
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,148 @@
+#include "estimators/two_view/two_view_geometry_depth.h"
+
+#include "colmap_ext/check.h"
+#include "estimators/random.h"
+#include "estimators/two_view/two_view_final.h"
+#include "estimators/two_view/two_view_problem.h"
+#include "estimators/two_view/two_view_search.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <Eigen/LU>
+
+namespace dgsfm {
+namespace {
+
+// One per match, or none.
+void CheckJacobians(const std::vector<Eigen::Matrix2d>& jacobians,
+                    size_t num_matches) {
+  DGSFM_CHECK(jacobians.empty() || jacobians.size() == num_matches)
+      << jacobians.size() << " Jacobians for " << num_matches << " matches";
+  for (const Eigen::Matrix2d& jacobian : jacobians) {
+    DGSFM_CHECK(jacobian.allFinite() && jacobian.determinant() != 0)
+        << jacobian;
+  }
+}
+
+void CheckInput(const TwoViewDepthInput& input,
+                const TwoViewDepthOptions& options) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  const DepthMatches& matches = input.matches;
+  const size_t size = matches.points1.size();
+  DGSFM_CHECK(matches.points2.size() == size &&
+              matches.depths1.size() == size && matches.depths2.size() == size)
+      << "arrays of " << size << ", " << matches.points2.size() << ", "
+      << matches.depths1.size() << " and " << matches.depths2.size()
+      << " elements";
+  CheckJacobians(matches.pixel_jacobians1, size);
+  CheckJacobians(matches.pixel_jacobians2, size);
+  DGSFM_CHECK(matches.pixel_jacobians1.size() ==
+              matches.pixel_jacobians2.size());
+  for (size_t i = 0; i < size; ++i) {
+    DGSFM_CHECK(matches.points1[i].allFinite() &&
+                matches.points2[i].allFinite())
+        << "match " << i;
+  }
+  for (const FocalPrior& prior : {input.focal_prior1, input.focal_prior2}) {
+    DGSFM_CHECK(prior.log_stddev >= 0 && std::isfinite(prior.log_stddev))
+        << "log_stddev = " << prior.log_stddev;
+    DGSFM_CHECK(!prior.Exists() ||
+                (prior.focal_px > 0 && std::isfinite(prior.focal_px)))
+        << "focal_px = " << prior.focal_px;
+  }
+  for (const double value : {input.focal_length1_px,
+                             input.focal_length2_px,
+                             input.image_size1_px,
+                             input.image_size2_px}) {
+    DGSFM_CHECK(value > 0 && std::isfinite(value)) << "value = " << value;
+  }
+}
+
+// The candidate with depth, unless the depths are no evidence or cost it more
+// inliers than can be chance: the one without has more freedom to fit outliers.
+void Finish(const TwoViewProblem& problem,
+            const TwoViewSearchResult& found,
+            SplitMix64* random,
+            TwoViewDepthResult* result) {
+  constexpr int kMinGain = 15;
+  const bool has_depth = std::isfinite(found.with_depth.cost);
+  const bool has_alternative = std::isfinite(found.without_depth.cost);
+  double max_cost = std::numeric_limits<double>::infinity();
+  if (has_depth &&
+      (!has_alternative || problem.DepthsAreEvidence(found.with_depth.model))) {
+    const double max_error_px = problem.Options().max_epipolar_error_px;
+    max_cost = FinishTwoViewModel(problem, found.with_depth, random, result)
+                   .score.cost -
+               kMinGain * max_error_px * max_error_px;
+  }
+  if (!has_alternative || found.without_depth.score.cost > max_cost) return;
+  TwoViewDepthResult alternative;
+  if (FinishTwoViewModel(problem, found.without_depth, random, &alternative)
+          .score.cost < max_cost) {
+    *result = alternative;
+  }
+}
+
+}  // namespace
+
+bool TwoViewDepthOptions::IsValid(std::string* error) const {
+  const auto check =
+      [error](bool ok, const char* name, double value, const char* bound) {
+        if (!ok && error) {
+          *error += std::string(name) + " = " + std::to_string(value) +
+                    " must be " + bound + "\n";
+        }
+        return ok;
+      };
+  bool ok = true;
+  ok &= check(max_epipolar_error_px > 0 && std::isfinite(max_epipolar_error_px),
+              "max_epipolar_error_px",
+              max_epipolar_error_px,
+              "> 0");
+  ok &= check(
+      max_reprojection_error_px > 0 && std::isfinite(max_reprojection_error_px),
+      "max_reprojection_error_px",
+      max_reprojection_error_px,
+      "> 0");
+  ok &= check(min_num_trials >= 1, "min_num_trials", min_num_trials, ">= 1");
+  ok &= check(max_num_trials >= min_num_trials,
+              "max_num_trials",
+              max_num_trials,
+              ">= min_num_trials");
+  ok &= check(
+      confidence > 0 && confidence < 1, "confidence", confidence, "in (0, 1)");
+  ok &= check(min_focal_length_ratio > 0,
+              "min_focal_length_ratio",
+              min_focal_length_ratio,
+              "> 0");
+  ok &= check(max_focal_length_ratio > min_focal_length_ratio,
+              "max_focal_length_ratio",
+              max_focal_length_ratio,
+              "> min_focal_length_ratio");
+  ok &= check(min_num_depth_matches >= 3,
+              "min_num_depth_matches",
+              min_num_depth_matches,
+              ">= 3");
+  return ok;
+}
+
+TwoViewDepthResult EstimateTwoViewGeometryWithDepth(
+    const TwoViewDepthInput& input, const TwoViewDepthOptions& options) {
+  CheckInput(input, options);
+  SplitMix64 random(input.seed);
+  const TwoViewProblem problem(input, options, &random);
+  TwoViewDepthResult result;
+  result.inlier_mask.assign(input.matches.points1.size(), 0);
+  result.focal_length1_px = problem.Range().guess1;
+  result.focal_length2_px = problem.Range().guess2;
+  const TwoViewSearchResult found = SearchTwoViewModel(problem, &random);
+  Finish(problem, found, &random, &result);
+  result.num_trials = found.num_trials;
+  return result;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,195 @@
+#include "estimators/two_view/two_view_problem.h"
+
+#include "estimators/median.h"
+#include "estimators/solvers/epipolar.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/LU>
+
+namespace dgsfm {
+namespace {
+
+// Matches are trusted to a fraction of the inlier threshold.
+constexpr double kStddevPerThreshold = 0.5;
+// Depth errors of a network vary slowly over an image: a pair has no more than
+// about this many independent ones, however many matches there are.
+constexpr double kNumIndependentDepths = 20;
+
+// Scores give up on bad models early if the order says nothing.
+std::vector<int> RandomOrder(size_t size, SplitMix64* random) {
+  std::vector<int> order(size);
+  for (size_t i = 0; i < size; ++i) order[i] = static_cast<int>(i);
+  Shuffle(random, &order);
+  return order;
+}
+
+double SpreadOf(const std::vector<double>& values) {
+  return RobustStddev(values, Median(values));
+}
+
+TwoViewData OrderedData(const DepthMatches& matches,
+                        const std::vector<int>& order) {
+  TwoViewData data;
+  data.points1 = matches.points1;
+  data.points2 = matches.points2;
+  data.depths1 = matches.depths1;
+  data.depths2 = matches.depths2;
+  for (size_t i = 0; i < data.depths1.size(); ++i) {
+    const auto known = [](double depth) {
+      return depth > 0 && std::isfinite(depth);
+    };
+    if (!known(data.depths1[i]) || !known(data.depths2[i])) {
+      data.depths1[i] = data.depths2[i] = 0;
+    }
+  }
+  if (!matches.pixel_jacobians1.empty()) {
+    for (const Eigen::Matrix2d& jacobian : matches.pixel_jacobians1) {
+      data.covariances1.push_back(UndistortedCovariance(jacobian));
+    }
+    for (const Eigen::Matrix2d& jacobian : matches.pixel_jacobians2) {
+      data.covariances2.push_back(UndistortedCovariance(jacobian));
+    }
+  }
+  return data.Subset(order);
+}
+
+}  // namespace
+
+TwoViewProblem::TwoViewProblem(const TwoViewDepthInput& input,
+                               const TwoViewDepthOptions& options,
+                               SplitMix64* random)
+    : options_(options),
+      range_(FocalRange::Create(input, options)),
+      image_unit1_px_(input.image_size1_px / 2),
+      image_unit2_px_(input.image_size2_px / 2),
+      min_num_inliers_(input.min_num_inliers),
+      order_(RandomOrder(input.matches.points1.size(), random)),
+      data_(OrderedData(input.matches, order_)),
+      scorer_(data_, options.max_epipolar_error_px) {
+  for (int i = 0; i < data_.Size(); ++i) {
+    num_depth_matches_ += data_.HasDepths(i);
+  }
+}
+
+TwoViewCostOptions TwoViewProblem::CostOptions(DepthTerm depth_term) const {
+  TwoViewCostOptions cost_options;
+  cost_options.depth_term = depth_term;
+  cost_options.stddev_px = kStddevPerThreshold * options_.max_epipolar_error_px;
+  cost_options.max_epipolar_error_px = options_.max_epipolar_error_px;
+  cost_options.max_reprojection_error_px = options_.max_reprojection_error_px;
+  if (!options_.paper) {
+    cost_options.focal_prior1 = range_.prior1;
+    cost_options.focal_prior2 = range_.prior2;
+  }
+  return cost_options;
+}
+
+DepthTerm TwoViewProblem::SearchTerm(bool with_depth) const {
+  if (!with_depth) return DepthTerm::NONE;
+  return options_.paper ? DepthTerm::REPROJECTION : DepthTerm::WHITENED;
+}
+
+// Half of the matches taken for inliers.
+double TwoViewProblem::DepthCap() const {
+  return std::sqrt(
+      std::max(1.0, 0.5 * num_depth_matches_ / kNumIndependentDepths));
+}
+
+// Sampson error and cheirality decide what fits; where they cannot tell
+// (planes, pure rotation), the depths do. A model without depth pays for all
+// of them.
+TwoViewCandidate TwoViewProblem::Evaluate(const TwoViewModel& model,
+                                          bool with_depth) const {
+  TwoViewCandidate candidate;
+  candidate.model = model;
+  candidate.with_depth = with_depth;
+  if (!model.IsFinite() || !range_.Contains(model)) return candidate;
+  candidate.score = scorer_.Score(model);
+  candidate.cost = candidate.score.cost;
+  const TwoViewCostOptions cost_options = CostOptions(DepthTerm::WHITENED);
+  double depth_cost = num_depth_matches_ * cost_options.max_depth_residual *
+                      cost_options.max_depth_residual;
+  if (with_depth) {
+    const TwoViewCost cost =
+        TwoViewCostFunction(data_, cost_options).EvaluateDepth(model);
+    candidate.num_depth_inliers = cost.num_depth_inliers;
+    depth_cost = cost.depth;
+  }
+  if (!options_.paper) {
+    const double weight = cost_options.stddev_px / DepthCap();
+    candidate.cost += weight * weight * depth_cost;
+  }
+  return candidate;
+}
+
+std::vector<int> TwoViewProblem::Near(const TwoViewModel& model,
+                                      double max_error_px,
+                                      int max_num) const {
+  return scorer_.Near(model.FundamentalMatrix(), max_error_px, max_num);
+}
+
+std::vector<int> TwoViewProblem::Inliers(const TwoViewModel& model) const {
+  const Cheirality is_in_front(model, options_.max_epipolar_error_px);
+  std::vector<int> inliers =
+      Near(model, options_.max_epipolar_error_px, data_.Size());
+  inliers.erase(std::remove_if(inliers.begin(),
+                               inliers.end(),
+                               [&](int i) {
+                                 return !is_in_front(data_.points1[i],
+                                                     data_.points2[i]);
+                               }),
+                inliers.end());
+  return inliers;
+}
+
+bool TwoViewProblem::DepthsAreEvidence(const TwoViewModel& model) const {
+  constexpr size_t kMinNumPoints = 15;
+  constexpr double kMaxNoise = 0.25;
+  constexpr double kMaxNoisePerSpread = 0.7;
+  std::vector<double> log_ratios, log_depths1, log_depths2;
+  for (const int i : Inliers(model)) {
+    Transfer transfer;
+    if (!data_.HasDepths(i) || !data_.Forward(model, i, &transfer)) continue;
+    log_ratios.push_back(transfer.log_depth_ratio);
+    log_depths1.push_back(std::log(data_.depths1[i]));
+    log_depths2.push_back(std::log(data_.depths2[i]));
+  }
+  if (log_ratios.size() < kMinNumPoints) return false;
+  const double noise = SpreadOf(log_ratios) / std::sqrt(2.0);
+  const double spread =
+      std::hypot(SpreadOf(log_depths1), SpreadOf(log_depths2)) / std::sqrt(2.0);
+  return noise < std::max(kMaxNoise, kMaxNoisePerSpread * spread);
+}
+
+bool TwoViewProblem::AttachScale(TwoViewModel* model) const {
+  // So many triangulated points, with at least this angle between their rays,
+  // whose depth ratios agree.
+  constexpr size_t kMinNumPoints = 15;
+  constexpr double kMinAngleRad = 0.6 * M_PI / 180;
+  constexpr double kMaxDeviation = 0.5;
+  std::vector<double> log_ratios1, log_ratios2;
+  for (const int i : Inliers(*model)) {
+    if (!data_.HasDepths(i)) continue;
+    const auto intersection =
+        IntersectRays(*model, data_.points1[i], data_.points2[i]);
+    if (!intersection || intersection->angle_rad < kMinAngleRad) continue;
+    log_ratios1.push_back(std::log(data_.depths1[i] / intersection->depth1));
+    log_ratios2.push_back(std::log(data_.depths2[i] / intersection->depth2));
+  }
+  if (log_ratios1.size() < kMinNumPoints) return false;
+  const double log_ratio1 = Median(log_ratios1);
+  const double log_ratio2 = Median(log_ratios2);
+  for (double& value : log_ratios1) value = std::abs(value - log_ratio1);
+  for (double& value : log_ratios2) value = std::abs(value - log_ratio2);
+  if (Median(log_ratios1) > kMaxDeviation ||
+      Median(log_ratios2) > kMaxDeviation) {
+    return false;
+  }
+  model->translation *= std::exp(log_ratio1);
+  model->scale = std::exp(log_ratio1 - log_ratio2);
+  return true;
+}
+
+}  // namespace dgsfm

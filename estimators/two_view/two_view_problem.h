@@ -1,0 +1,86 @@
+// What search and final refinement of two_view_geometry_depth.h share: the
+// matches of a pair in random order, and how its models compare.
+
+#pragma once
+
+#include "estimators/random.h"
+#include "estimators/two_view/two_view_cost.h"
+#include "estimators/two_view/two_view_geometry_depth.h"
+#include "estimators/two_view/two_view_hypotheses.h"
+#include "estimators/two_view/two_view_refinement.h"
+#include "estimators/two_view/two_view_score.h"
+
+#include <limits>
+#include <vector>
+
+namespace dgsfm {
+
+struct TwoViewCandidate {
+  TwoViewModel model;
+  bool with_depth = false;
+  TwoViewScore score;
+  // By which candidates compare: the score, and what the depths say.
+  double cost = std::numeric_limits<double>::infinity();
+  int num_depth_inliers = 0;
+};
+
+// Keeps a reference to the options.
+class TwoViewProblem {
+ public:
+  TwoViewProblem(const TwoViewDepthInput& input,
+                 const TwoViewDepthOptions& options,
+                 SplitMix64* random);
+  // The scorer refers to the data.
+  TwoViewProblem(const TwoViewProblem&) = delete;
+  TwoViewProblem& operator=(const TwoViewProblem&) = delete;
+
+  const TwoViewDepthOptions& Options() const { return options_; }
+  const FocalRange& Range() const { return range_; }
+  const TwoViewData& Data() const { return data_; }
+  const TwoViewScorer& Scorer() const { return scorer_; }
+  // Match of an index of Data().
+  int MatchIdx(int i) const { return order_[i]; }
+  int NumDepthMatches() const { return num_depth_matches_; }
+  int MinNumInliers() const { return min_num_inliers_; }
+
+  // Half of the larger image sides [px].
+  double ImageUnit1() const { return image_unit1_px_; }
+  double ImageUnit2() const { return image_unit2_px_; }
+
+  TwoViewCostOptions CostOptions(DepthTerm depth_term) const;
+  DepthTerm SearchTerm(bool with_depth) const;
+  // Factor of the depth noise with which all matches tell as much as the
+  // independent ones.
+  double DepthCap() const;
+
+  TwoViewCandidate Evaluate(const TwoViewModel& model, bool with_depth) const;
+
+  // Indices of the first `max_num` matches with a Sampson error below
+  // `max_error_px`, in front of both cameras or not.
+  std::vector<int> Near(const TwoViewModel& model,
+                        double max_error_px,
+                        int max_num) const;
+  std::vector<int> Inliers(const TwoViewModel& model) const;
+
+  // Whether the depths agree with the model better than those of other points
+  // would: not if their noise is large, and nearly as large as their spread.
+  bool DepthsAreEvidence(const TwoViewModel& model) const;
+
+  // Scales a model without depth by the medians of its triangulated depths
+  // over those of the maps. False, and the model as it was, if they are few or
+  // disagree.
+  bool AttachScale(TwoViewModel* model) const;
+
+ private:
+  const TwoViewDepthOptions& options_;
+  const FocalRange range_;
+  const double image_unit1_px_;
+  const double image_unit2_px_;
+  const int min_num_inliers_;
+  std::vector<int> order_;
+  const TwoViewData data_;
+  const TwoViewScorer scorer_;
+  int num_depth_matches_ = 0;
+};
+
+}  // namespace dgsfm

@@ -1,0 +1,120 @@
+// Residuals of one match under a TwoViewModel, with analytic derivatives.
+//
+// Local parameters of a model, in this order: rotation w (R <- exp(w) R),
+// translation, log scale, log focal length 1, log focal length 2. Logarithms
+// keep scale and focal lengths positive.
+
+#pragma once
+
+#include "estimators/two_view/two_view_model.h"
+
+#include <cmath>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+namespace dgsfm {
+
+constexpr int kNumTwoViewParams = 9;
+constexpr int kLogScaleParam = 6;
+constexpr int kLogFocal1Param = 7;
+constexpr int kLogFocal2Param = 8;
+
+using TwoViewStep = Eigen::Matrix<double, kNumTwoViewParams, 1>;
+
+// The model moved by a step of local parameters.
+TwoViewModel Retract(const TwoViewModel& model, const TwoViewStep& step);
+
+// Derivative of the entries of the fundamental matrix (column-major) with
+// respect to the local parameters.
+Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
+    const TwoViewModel& model);
+
+// Covariance (xx, xy, yy) of an image point for unit noise in its image.
+using PointCovariance = Eigen::Vector3d;
+
+inline PointCovariance UnitPointCovariance() { return {1, 0, 1}; }
+
+// Of a point whose noise in the distorted image is of unit covariance, by the
+// derivative of its pixel there.
+inline PointCovariance UndistortedCovariance(
+    const Eigen::Matrix2d& pixel_jacobian) {
+  const Eigen::Matrix2d inverse = pixel_jacobian.inverse();
+  const Eigen::Matrix2d covariance = inverse * inverse.transpose();
+  return {covariance(0, 0), covariance(0, 1), covariance(1, 1)};
+}
+
+// Sampson error [px of the images] of (x1, x2), zero where its gradient
+// vanishes (at both epipoles). With `gradient`, its derivative with respect to
+// the entries of F.
+inline double SampsonError(
+    const Eigen::Matrix3d& F,
+    const Eigen::Vector2d& x1,
+    const Eigen::Vector2d& x2,
+    const PointCovariance& covariance1 = UnitPointCovariance(),
+    const PointCovariance& covariance2 = UnitPointCovariance(),
+    Eigen::Matrix3d* gradient = nullptr) {
+  const Eigen::Vector3d p = x1.homogeneous();
+  const Eigen::Vector3d q = x2.homogeneous();
+  const Eigen::Vector3d line2 = F * p;
+  const Eigen::Vector2d line1 = F.leftCols<2>().transpose() * q;
+  const double value = q.dot(line2);
+  const auto times = [](const PointCovariance& c, double x, double y) {
+    return Eigen::Vector3d(c(0) * x + c(1) * y, c(1) * x + c(2) * y, 0);
+  };
+  const Eigen::Vector3d a = times(covariance2, line2.x(), line2.y());
+  const Eigen::Vector3d b = times(covariance1, line1.x(), line1.y());
+  const double sq_norm = a.x() * line2.x() + a.y() * line2.y() +
+                         b.x() * line1.x() + b.y() * line1.y();
+  if (!(sq_norm > 0)) {
+    if (gradient) gradient->setZero();
+    return 0;
+  }
+  const double inverse_norm = 1 / std::sqrt(sq_norm);
+  if (gradient) {
+    const double ratio = value / sq_norm;
+    const Eigen::Vector3d left = inverse_norm * (q - ratio * a);
+    const Eigen::Vector3d right = (inverse_norm * ratio) * b;
+    for (int k = 0; k < 3; ++k) {
+      gradient->col(k) = p(k) * left - right(k) * q;
+    }
+  }
+  return value * inverse_norm;
+}
+
+// FORWARD: from view 1 to view 2, BACKWARD: from 2 to 1.
+enum class TransferDirection { FORWARD, BACKWARD };
+
+// A point of one view with depth, seen from the other.
+struct Transfer {
+  // Position in the other camera frame [units of depth map 1].
+  Eigen::Vector3d point;
+  // The same minus the translation part: moves in proportion to the depth.
+  Eigen::Vector3d ray;
+  // Projection minus matched image point [px].
+  Eigen::Vector2d error_px;
+  // log of the transferred over the scaled z-depth of the matched point [1].
+  double log_depth_ratio = 0;
+};
+
+// False if the point is not in front of the other camera; the output is then
+// not set. An unknown (zero) depth of the matched point leaves log_depth_ratio
+// at zero.
+bool TransferMatch(TransferDirection direction,
+                   const TwoViewModel& model,
+                   const Eigen::Vector2d& x1,
+                   double depth1,
+                   const Eigen::Vector2d& x2,
+                   double depth2,
+                   Transfer* transfer);
+
+// Derivative of
+//   pixel_weights . error_px + log_depth_weight * log_depth_ratio
+// with respect to the local parameters, for a matched point with known depth.
+TwoViewStep TransferGradient(TransferDirection direction,
+                             const TwoViewModel& model,
+                             const Transfer& transfer,
+                             const Eigen::Vector2d& pixel_weights,
+                             double log_depth_weight);
+
+}  // namespace dgsfm

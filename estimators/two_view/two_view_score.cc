@@ -1,0 +1,145 @@
+#include "estimators/two_view/two_view_score.h"
+
+#include <algorithm>
+
+namespace dgsfm {
+namespace {
+
+// Within the range of single precision.
+Eigen::Matrix3f UnitMatrix(const Eigen::Matrix3d& F) {
+  const double norm = F.norm();
+  return (norm > 0 ? Eigen::Matrix3d(F / norm) : F).cast<float>();
+}
+
+}  // namespace
+
+Cheirality::Cheirality(const TwoViewModel& model, double max_error_px)
+    : ray1_in_cam2_(
+          model.rotation *
+          Eigen::Vector3d(1 / model.focal1, 1 / model.focal1, 1).asDiagonal()),
+      translation_(model.translation),
+      inverse_focal2_(1 / model.focal2) {
+  // Both points may be off: the angle of the rays is noise below this.
+  const double sine = 2 * max_error_px / std::min(model.focal1, model.focal2);
+  max_sq_sine_ = sine * sine;
+}
+
+bool Cheirality::operator()(const Eigen::Vector2d& x1,
+                            const Eigen::Vector2d& x2) const {
+  const Eigen::Vector3d p = ray1_in_cam2_ * x1.homogeneous();
+  const Eigen::Vector3d q(
+      x2.x() * inverse_focal2_, x2.y() * inverse_focal2_, 1);
+  const double pp = p.squaredNorm();
+  const double qq = q.squaredNorm();
+  const double pq = p.dot(q);
+  const double pt = p.dot(translation_);
+  const double qt = q.dot(translation_);
+  // z1 p + t = z2 q in the least-squares sense, times pp qq - pq^2 >= 0.
+  if (pq * qt > qq * pt && pp * qt > pq * pt) return true;
+  return pq > 0 && pp * qq - pq * pq < max_sq_sine_ * pp * qq;
+}
+
+TwoViewScorer::TwoViewScorer(const TwoViewData& data, double max_error_px)
+    : data_(data), max_error_px_(max_error_px) {
+  const int size = (data.Size() + kBlock - 1) / kBlock * kBlock;
+  x1_ = y1_ = x2_ = y2_ = Eigen::ArrayXf::Zero(size);
+  for (int i = 0; i < data.Size(); ++i) {
+    x1_(i) = static_cast<float>(data.points1[i].x());
+    y1_(i) = static_cast<float>(data.points1[i].y());
+    x2_(i) = static_cast<float>(data.points2[i].x());
+    y2_(i) = static_cast<float>(data.points2[i].y());
+  }
+  if (data.covariances1.empty()) return;
+  covariances1_ = covariances2_ = Eigen::ArrayX3f::Zero(size, 3);
+  for (int i = 0; i < data.Size(); ++i) {
+    covariances1_.row(i) = data.covariances1[i].cast<float>().transpose();
+    covariances2_.row(i) = data.covariances2[i].cast<float>().transpose();
+  }
+}
+
+TwoViewScorer::Values TwoViewScorer::SqErrors(const Eigen::Matrix3f& F,
+                                              int begin) const {
+  // Keeps 0 / 0 (F = 0 of a pure rotation) from becoming NaN.
+  constexpr float kMinSqNorm = 1e-35f;
+  const auto x1 = x1_.segment<kBlock>(begin);
+  const auto y1 = y1_.segment<kBlock>(begin);
+  const auto x2 = x2_.segment<kBlock>(begin);
+  const auto y2 = y2_.segment<kBlock>(begin);
+  const Values a0 = F(0, 0) * x1 + F(0, 1) * y1 + F(0, 2);
+  const Values a1 = F(1, 0) * x1 + F(1, 1) * y1 + F(1, 2);
+  const Values b0 = F(0, 0) * x2 + F(1, 0) * y2 + F(2, 0);
+  const Values b1 = F(0, 1) * x2 + F(1, 1) * y2 + F(2, 1);
+  const Values value =
+      a0 * x2 + a1 * y2 + (F(2, 0) * x1 + F(2, 1) * y1 + F(2, 2));
+  if (covariances1_.size() == 0) {
+    return value.square() /
+           (a0.square() + a1.square() + b0.square() + b1.square() + kMinSqNorm);
+  }
+  const auto sq_norm = [begin](const Eigen::ArrayX3f& covariances,
+                               const Values& u,
+                               const Values& v) -> Values {
+    return covariances.col(0).segment<kBlock>(begin) * u.square() +
+           2 * covariances.col(1).segment<kBlock>(begin) * u * v +
+           covariances.col(2).segment<kBlock>(begin) * v.square();
+  };
+  return value.square() / (sq_norm(covariances2_, a0, a1) +
+                           sq_norm(covariances1_, b0, b1) + kMinSqNorm);
+}
+
+std::vector<int> TwoViewScorer::Near(const Eigen::Matrix3d& F,
+                                     double max_error_px,
+                                     int max_num) const {
+  const Eigen::Matrix3f unit_F = UnitMatrix(F);
+  const float max_sq_error = static_cast<float>(max_error_px * max_error_px);
+  std::vector<int> near;
+  for (int begin = 0; begin < data_.Size(); begin += kBlock) {
+    const Values sq_errors = SqErrors(unit_F, begin);
+    const int size = std::min(kBlock, data_.Size() - begin);
+    for (int k = 0; k < size; ++k) {
+      if (!(sq_errors(k) < max_sq_error)) continue;
+      if (static_cast<int>(near.size()) == max_num) return near;
+      near.push_back(begin + k);
+    }
+  }
+  return near;
+}
+
+template <typename IsInlier>
+TwoViewScore TwoViewScorer::ScoreMatches(const Eigen::Matrix3d& F,
+                                         double max_cost,
+                                         const IsInlier& is_inlier) const {
+  const Eigen::Matrix3f unit_F = UnitMatrix(F);
+  const float max_sq_error = static_cast<float>(max_error_px_ * max_error_px_);
+  TwoViewScore score;
+  score.cost = 0;
+  for (int begin = 0; begin < data_.Size(); begin += kBlock) {
+    const Values sq_errors = SqErrors(unit_F, begin);
+    const int size = std::min(kBlock, data_.Size() - begin);
+    for (int k = 0; k < size; ++k) {
+      // Also if it is not a number.
+      if (!(sq_errors(k) < max_sq_error) || !is_inlier(begin + k)) {
+        score.cost += max_sq_error;
+        continue;
+      }
+      score.cost += sq_errors(k);
+      ++score.num_inliers;
+    }
+    if (score.cost > max_cost) return {};
+  }
+  return score;
+}
+
+TwoViewScore TwoViewScorer::Score(const TwoViewModel& model,
+                                  double max_cost) const {
+  const Cheirality is_in_front(model, max_error_px_);
+  return ScoreMatches(model.FundamentalMatrix(), max_cost, [&](int i) {
+    return is_in_front(data_.points1[i], data_.points2[i]);
+  });
+}
+
+TwoViewScore TwoViewScorer::Score(const Eigen::Matrix3d& F,
+                                  double max_cost) const {
+  return ScoreMatches(F, max_cost, [](int) { return true; });
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,287 @@
+#include "estimators/two_view/two_view_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <memory>
+#include <vector>
+
+namespace dgsfm {
+namespace {
+
+// A stage of local optimisation.
+struct Round {
+  // Factor of the thresholds.
+  double widening;
+  int max_num_iterations;
+  // Enough matches for the accuracy of the stage.
+  int max_num_matches;
+  // Whether the depths count as no more than the independent ones.
+  bool capped;
+};
+
+// Minimal models of noisy depths are off by much more than the inlier
+// threshold: a wide basin first brings them in.
+constexpr Round kDepthRounds[] = {{16, 3, 100, false},
+                                  {8, 3, 100, false},
+                                  {4, 3, 100, true},
+                                  {2, 4, 200, true},
+                                  {1, 5, 300, true}};
+constexpr Round kEpipolarRounds[] = {
+    {4, 3, 100, true}, {2, 4, 200, true}, {1, 5, 300, true}};
+// Samples with guessed focal lengths may be far off, too.
+constexpr Round kGuessRounds[] = {{16, 3, 100, true},
+                                  {4, 3, 100, true},
+                                  {2, 4, 200, true},
+                                  {1, 5, 300, true}};
+constexpr Round kAttachedRounds[] = {{2, 3, 200, true}, {1, 4, 300, true}};
+constexpr Round kPaperRounds[] = {
+    {1, 25, std::numeric_limits<int>::max(), false}};
+
+class Search {
+ public:
+  Search(const TwoViewProblem& problem, SplitMix64* random);
+
+  TwoViewSearchResult Run();
+
+ private:
+  // Samples of one kind.
+  struct Stream {
+    std::unique_ptr<HypothesisSource> source;
+    int num_trials = 0;
+    double best_cost = std::numeric_limits<double>::infinity();
+    Hypothesis best;
+    bool is_optimized = true;
+  };
+
+  void Try(Stream* stream);
+  void OptimizeBest(Stream* stream);
+  template <size_t N>
+  TwoViewCandidate Optimize(const TwoViewModel& model,
+                            const Round (&rounds)[N],
+                            bool with_depth) const;
+  void OptimizeWithDepth(const TwoViewModel& model);
+  void OptimizeWithoutDepth(const TwoViewModel& model);
+  void Keep(const TwoViewCandidate& candidate);
+  bool IsDone(const Stream& stream,
+              double inlier_ratio,
+              double confidence,
+              double margin) const;
+  bool IsHopeless() const;
+  double InlierRatio() const;
+  double DepthInlierRatio() const;
+  bool DepthsAreUseful() const;
+
+  const TwoViewProblem& problem_;
+  const TwoViewDepthOptions& options_;
+  SplitMix64* const random_;
+  Stream depth_, epipolar_;
+  std::vector<Hypothesis> hypotheses_;
+  TwoViewSearchResult result_;
+};
+
+Search::Search(const TwoViewProblem& problem, SplitMix64* random)
+    : problem_(problem), options_(problem.Options()), random_(random) {
+  if (problem.NumDepthMatches() >= options_.min_num_depth_matches) {
+    depth_.source =
+        CreateDepthHypothesisSource(problem.Data(), problem.Range());
+  }
+  if (!options_.paper || !depth_.source) {
+    epipolar_.source =
+        CreateEpipolarHypothesisSource(problem.Data(), problem.Range());
+  }
+}
+
+TwoViewSearchResult Search::Run() {
+  // The best of so many samples is worth a local optimisation, the best of
+  // fewer seldom is.
+  constexpr int kMinNumTrialsToOptimize = 20;
+  // Smooth errors of a depth map mislead all its samples alike, so samples
+  // without depth take part: half of them, more where depth turns out to be
+  // useless.
+  constexpr double kDepthShare = 0.5;
+  constexpr double kUselessDepthShare = 0.1;
+  // Samples of inliers alone are not all good under noise.
+  constexpr double kMargin = 2;
+  double depth_share = !depth_.source ? 0 : !epipolar_.source ? 1 : kDepthShare;
+  const int min_num_trials =
+      options_.paper
+          ? 0
+          : std::min(kMinNumTrialsToOptimize, options_.min_num_trials / 2);
+  while (depth_.source || epipolar_.source) {
+    Stream& stream =
+        random_->Below(1024) < depth_share * 1024 ? depth_ : epipolar_;
+    Try(&stream);
+    ++result_.num_trials;
+    if (stream.num_trials >= min_num_trials && !stream.is_optimized) {
+      OptimizeBest(&stream);
+    }
+    if (result_.num_trials < options_.min_num_trials) continue;
+    const double inlier_ratio = InlierRatio();
+    const double depth_inlier_ratio = DepthInlierRatio();
+    if (result_.num_trials % options_.min_num_trials == 0 && depth_.source &&
+        epipolar_.source) {
+      depth_share = DepthsAreUseful() ? kDepthShare : kUselessDepthShare;
+    }
+    // Useless depth is to cost no trials of the other kind.
+    const int num_counted = depth_share == kUselessDepthShare
+                                ? epipolar_.num_trials
+                                : result_.num_trials;
+    if (IsDone(depth_, depth_inlier_ratio, options_.confidence, kMargin) ||
+        IsDone(epipolar_, inlier_ratio, options_.confidence, kMargin) ||
+        IsHopeless() || num_counted >= options_.max_num_trials) {
+      break;
+    }
+  }
+  return result_;
+}
+
+// Scores the hypotheses of one more sample.
+void Search::Try(Stream* stream) {
+  ++stream->num_trials;
+  stream->source->Sample(random_, &hypotheses_);
+  for (const Hypothesis& hypothesis : hypotheses_) {
+    const TwoViewScore score =
+        hypothesis.is_fundamental
+            ? problem_.Scorer().Score(hypothesis.fundamental, stream->best_cost)
+            : problem_.Scorer().Score(hypothesis.model, stream->best_cost);
+    if (!(score.cost < stream->best_cost)) continue;
+    stream->best_cost = score.cost;
+    stream->best = hypothesis;
+    stream->is_optimized = false;
+  }
+}
+
+void Search::OptimizeBest(Stream* stream) {
+  stream->is_optimized = true;
+  for (const TwoViewModel& model :
+       ExpandHypothesis(stream->best,
+                        problem_.Data(),
+                        problem_.Range(),
+                        options_.max_epipolar_error_px)) {
+    if (stream->best.is_fundamental) {
+      OptimizeWithoutDepth(model);
+      if (stream->best.model.focal1 > 0 &&
+          problem_.Range().focal_case != FocalCase::KNOWN) {
+        Keep(Optimize(model, kGuessRounds, false));
+      }
+    } else {
+      OptimizeWithDepth(model);
+    }
+  }
+}
+
+void Search::OptimizeWithDepth(const TwoViewModel& model) {
+  Keep(problem_.Evaluate(model, true));
+  Keep(options_.paper ? Optimize(model, kPaperRounds, true)
+                      : Optimize(model, kDepthRounds, true));
+}
+
+void Search::OptimizeWithoutDepth(const TwoViewModel& model) {
+  const TwoViewCandidate candidate = Optimize(model, kEpipolarRounds, false);
+  Keep(candidate);
+  TwoViewModel scaled = candidate.model;
+  if (problem_.NumDepthMatches() > 0 && problem_.AttachScale(&scaled)) {
+    Keep(Optimize(scaled, kAttachedRounds, true));
+  }
+}
+
+template <size_t N>
+TwoViewCandidate Search::Optimize(const TwoViewModel& start,
+                                  const Round (&rounds)[N],
+                                  bool with_depth) const {
+  // Wrong depths are many times their noise off, they need no wider basin.
+  constexpr double kMaxDepthWidening = 4;
+  // Matches beyond the threshold by less than this may come within it.
+  constexpr double kActiveRange = 2;
+  TwoViewModel model = start;
+  for (const Round& round : rounds) {
+    TwoViewCostOptions cost_options =
+        problem_.CostOptions(problem_.SearchTerm(with_depth));
+    cost_options.max_epipolar_error_px *= round.widening;
+    cost_options.max_depth_residual *=
+        std::min(round.widening, kMaxDepthWidening);
+    if (round.capped) cost_options.log_depth_stddev *= problem_.DepthCap();
+    TwoViewRefinementOptions refinement_options;
+    refinement_options.max_num_iterations = round.max_num_iterations;
+    if (options_.paper) {
+      RefineModel(problem_.Data(),
+                  problem_.Range().focal_case,
+                  cost_options,
+                  refinement_options,
+                  &model);
+      continue;
+    }
+    refinement_options.min_relative_decrease = 1e-3;
+    const std::vector<int> active =
+        problem_.Near(model,
+                      kActiveRange * cost_options.max_epipolar_error_px,
+                      round.max_num_matches);
+    RefineModel(problem_.Data().Subset(active),
+                problem_.Range().focal_case,
+                cost_options,
+                refinement_options,
+                &model);
+  }
+  return problem_.Evaluate(model, with_depth);
+}
+
+void Search::Keep(const TwoViewCandidate& candidate) {
+  TwoViewCandidate& best =
+      candidate.with_depth ? result_.with_depth : result_.without_depth;
+  if (candidate.cost < best.cost) best = candidate;
+}
+
+double Search::InlierRatio() const {
+  const int num_inliers = std::max(result_.with_depth.score.num_inliers,
+                                   result_.without_depth.score.num_inliers);
+  return static_cast<double>(num_inliers) / problem_.Data().Size();
+}
+
+// Inliers whose depths are right, too.
+double Search::DepthInlierRatio() const {
+  if (problem_.NumDepthMatches() == 0) return 0;
+  return std::min(InlierRatio(),
+                  static_cast<double>(result_.with_depth.num_depth_inliers) /
+                      problem_.NumDepthMatches());
+}
+
+bool Search::DepthsAreUseful() const {
+  return std::isfinite(result_.with_depth.cost) &&
+         problem_.DepthsAreEvidence(result_.with_depth.model);
+}
+
+bool Search::IsDone(const Stream& stream,
+                    double inlier_ratio,
+                    double confidence,
+                    double margin) const {
+  if (!stream.source) return false;
+  const double good = std::pow(inlier_ratio, stream.source->SampleSize());
+  if (good >= 1) return true;
+  return stream.num_trials * std::log1p(-good) <
+         margin * std::log1p(-confidence);
+}
+
+// Whether both kinds of samples would have found a model of use.
+bool Search::IsHopeless() const {
+  constexpr double kConfidence = 0.99;
+  const double inlier_ratio = std::min(
+      1.0,
+      static_cast<double>(problem_.MinNumInliers()) / problem_.Data().Size());
+  const auto is_exhausted = [&](const Stream& stream) {
+    return !stream.source ||
+           IsDone(stream, inlier_ratio, kConfidence, /*margin=*/1);
+  };
+  return InlierRatio() < inlier_ratio && is_exhausted(depth_) &&
+         is_exhausted(epipolar_);
+}
+
+}  // namespace
+
+TwoViewSearchResult SearchTwoViewModel(const TwoViewProblem& problem,
+                                       SplitMix64* random) {
+  return Search(problem, random).Run();
+}
+
+}  // namespace dgsfm

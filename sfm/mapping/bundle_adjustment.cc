@@ -1,0 +1,303 @@
+#include "sfm/mapping/bundle_adjustment.h"
+
+#include "colmap_ext/parallel.h"
+#include "colmap_ext/pose_access.h"
+#include "estimators/median.h"
+#include "estimators/optimization/bundle_solver.h"
+#include "estimators/option_check.h"
+#include "sfm/mapping/model_access.h"
+
+#include <algorithm>
+#include <cmath>
+#include <list>
+#include <map>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Observations below which the images of a camera cannot carry its intrinsics.
+constexpr size_t kMinNumObservationsPerCamera = 50;
+// Observations below which threads cost more than they give.
+constexpr size_t kMinNumObservationsForThreads = 10000;
+
+// Loss scale that fits key points [median error], ...
+constexpr double kLossScalePerError = 1.5;
+// ... at least, of the largest one: the errors of exact key points are
+// rounding.
+constexpr double kMinLossScaleRatio = 0.1;
+
+// The arrays of a model, and back.
+class ModelBundle {
+ public:
+  ModelBundle(const BundleAdjustmentOptions& options,
+              const CameraBeliefs& beliefs,
+              const DepthPriors& depth_priors,
+              colmap::Reconstruction* model)
+      : options_(options),
+        beliefs_(beliefs),
+        depth_priors_(depth_priors),
+        model_(model),
+        point_ids_(SortedPoints(*model)) {
+    for (size_t i = 0; i < point_ids_.size(); ++i) {
+      point_indices_[point_ids_[i]] = int(i);
+      bundle_.points.push_back(model->Point3D(point_ids_[i]).XYZ());
+    }
+    for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
+      AddImage(image_id);
+    }
+    for (size_t i = 0; i < camera_ids_.size(); ++i) {
+      RefineCamera(num_observations_[i], i);
+    }
+    for (const CameraGroup& group : beliefs_.groups) TieCameras(group);
+  }
+
+  // Holds the pose of an image, and of the image farthest from it the
+  // coordinate that a change of scale about the first moves most.
+  void FixGauge(colmap::image_t fixed_image) {
+    const Eigen::Vector3d center =
+        CamFromWorld(model_->Image(fixed_image)).TargetOriginInSource();
+    BundleImage* farthest = nullptr;
+    double max_distance = 0;
+    for (size_t i = 0; i < image_ids_.size(); ++i) {
+      BundleImage& image = bundle_.images[i];
+      if (image_ids_[i] == fixed_image) image.is_constant.fill(true);
+      const double distance =
+          (image.cam_from_world.TargetOriginInSource() - center).norm();
+      if (distance > max_distance) {
+        max_distance = distance;
+        farthest = &image;
+      }
+    }
+    if (!farthest) return;
+    int coordinate = 0;
+    (farthest->cam_from_world * center).cwiseAbs().maxCoeff(&coordinate);
+    farthest->is_constant[3 + coordinate] = true;
+  }
+
+  std::optional<double> Solve(int num_threads) {
+    const size_t num_observations = bundle_.observations.size();
+    if (num_observations == 0) return std::nullopt;
+    PointMinimizerOptions options;
+    options.max_num_iterations = options_.max_num_iterations;
+    options.function_tolerance = options_.function_tolerance;
+    options.num_threads = num_observations < kMinNumObservationsForThreads
+                              ? 1
+                              : EffectiveNumThreads(num_threads);
+    const PointMinimizerSummary summary =
+        SolveBundle(options, options_.loss_scale_px, &camera_terms_, &bundle_);
+    if (!summary.success) return std::nullopt;
+    VLOG(1) << "Bundle adjustment: " << summary.num_iterations
+            << " iterations, cost " << summary.initial_cost << " to "
+            << summary.final_cost;
+    WriteBack();
+    return std::sqrt(2 * summary.final_cost / double(num_observations));
+  }
+
+ private:
+  void AddImage(colmap::image_t image_id) {
+    const colmap::Image& image = model_->Image(image_id);
+    if (image.NumPoints3D() == 0) return;
+    const int camera_index = IndexOfCamera(image.CameraId());
+    num_observations_[camera_index] += image.NumPoints3D();
+    const size_t first_observation = bundle_.observations.size();
+    for (const colmap::Point2D& point2D : image.Points2D()) {
+      if (!point2D.HasPoint3D()) continue;
+      bundle_.observations.push_back({int(image_ids_.size()),
+                                      point_indices_.at(point2D.Point3DId()),
+                                      point2D.XY()});
+    }
+    image_ids_.push_back(image_id);
+    BundleImage& bundle_image = bundle_.images.emplace_back();
+    bundle_image.cam_from_world = CamFromWorld(image);
+    bundle_image.camera = camera_index;
+    if (options_.use_depth && depth_priors_.Has(image_id)) {
+      AddDepths(image, first_observation, &bundle_image);
+    }
+  }
+
+  // Of the observations of an image, from the given one on.
+  void AddDepths(const colmap::Image& image,
+                 size_t observation,
+                 BundleImage* bundle_image) {
+    const double stddev = depth_priors_.stddevs.at(image.ImageId());
+    if (stddev > options_.max_depth_stddev) return;
+    const std::vector<float>& depths =
+        depth_priors_.depths->at(image.ImageId()).depths;
+    std::vector<double> log_ratios;
+    for (size_t i = 0; i < image.NumPoints2D(); ++i) {
+      if (!image.Point2D(i).HasPoint3D()) continue;
+      BundleObservation& added = bundle_.observations[observation++];
+      const double z =
+          (bundle_image->cam_from_world * bundle_.points[added.point]).z();
+      if (!(depths[i] > 0) || !(z > 0)) continue;
+      added.prior_depth = depths[i];
+      log_ratios.push_back(std::log(z / depths[i]));
+    }
+    if (log_ratios.empty()) return;
+    bundle_image->log_depth_scale = Median(log_ratios);
+    bundle_image->depth_stddev = stddev;
+    bundle_image->depth_weight_px =
+        options_.intrinsics.keypoint_stddev_px *
+        std::sqrt(
+            std::min(1.0, options_.max_num_depths / double(log_ratios.size())));
+  }
+
+  // Cameras of a rigid group have one index.
+  int IndexOfCamera(colmap::camera_t camera_id) {
+    const auto [it, is_new] =
+        camera_indices_.emplace(camera_id, int(bundle_.cameras.size()));
+    if (!is_new) return it->second;
+    const colmap::Camera& camera = model_->Camera(camera_id);
+    BundleCamera bundle_camera = {camera.ModelId(), camera.Params(), {}};
+    if (const CameraGroup* group = beliefs_.RigidGroupOf(camera_id)) {
+      bundle_camera.params = MeanParams(*group, *model_);
+      for (const colmap::camera_t member : group->camera_ids) {
+        camera_indices_[member] = it->second;
+      }
+    }
+    camera_ids_.push_back(camera_id);
+    num_observations_.push_back(0);
+    bundle_.cameras.push_back(bundle_camera);
+    return it->second;
+  }
+
+  void RefineCamera(size_t num_observations, size_t index) {
+    if (num_observations < kMinNumObservationsPerCamera) return;
+    const colmap::camera_t camera_id = camera_ids_[index];
+    const Eigen::VectorXd stddevs =
+        PriorStddevs(options_.intrinsics, beliefs_, camera_id);
+    BundleCamera& camera = bundle_.cameras[index];
+    for (int i = 0; i < stddevs.size(); ++i) {
+      if (stddevs(i) > 0) camera.refined_params.push_back(i);
+    }
+    if (camera.refined_params.empty()) return;
+    const double unit_px = options_.intrinsics.keypoint_stddev_px;
+    for (const RobustPrior& prior :
+         SplitPriors(options_.intrinsics, beliefs_, camera_id)) {
+      Eigen::VectorXd weighted = Eigen::VectorXd::Zero(stddevs.size());
+      for (const Eigen::Index i : prior.idxs) {
+        weighted(i) = stddevs(i) / unit_px;
+      }
+      AddIntrinsicsPrior(PriorMean(beliefs_, camera_id),
+                         weighted,
+                         std::isfinite(prior.loss_scale)
+                             ? new ceres::CauchyLoss(prior.loss_scale * unit_px)
+                             : nullptr,
+                         camera.params.data(),
+                         &camera_terms_);
+    }
+  }
+
+  // The mean of a group that is not rigid is a parameter block of its own.
+  void TieCameras(const CameraGroup& group) {
+    if (group.IsRigid()) return;
+    group_means_.push_back(MeanParams(group, *model_));
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      const auto it = camera_indices_.find(camera_id);
+      if (it == camera_indices_.end()) continue;
+      BundleCamera& camera = bundle_.cameras[it->second];
+      if (camera.refined_params.empty()) continue;
+      AddIntrinsicsTie(group.stddevs / options_.intrinsics.keypoint_stddev_px,
+                       camera.params.data(),
+                       group_means_.back().data(),
+                       &camera_terms_);
+    }
+  }
+
+  void WriteBack() {
+    for (size_t i = 0; i < image_ids_.size(); ++i) {
+      SetCamFromWorld(bundle_.images[i].cam_from_world,
+                      &model_->Image(image_ids_[i]));
+    }
+    for (const auto& [camera_id, index] : camera_indices_) {
+      if (!model_->ExistsCamera(camera_id)) continue;
+      model_->Camera(camera_id).SetParams(bundle_.cameras[index].params);
+    }
+    for (size_t i = 0; i < point_ids_.size(); ++i) {
+      model_->Point3D(point_ids_[i]).SetXYZ(bundle_.points[i]);
+    }
+  }
+
+  const BundleAdjustmentOptions& options_;
+  const CameraBeliefs& beliefs_;
+  const DepthPriors& depth_priors_;
+  colmap::Reconstruction* model_;
+  // By their index in the bundle.
+  std::vector<colmap::image_t> image_ids_;
+  std::vector<colmap::camera_t> camera_ids_;
+  const std::vector<colmap::point3D_t> point_ids_;
+  std::map<colmap::camera_t, int> camera_indices_;
+  std::unordered_map<colmap::point3D_t, int> point_indices_;
+  std::vector<size_t> num_observations_;
+  Bundle bundle_;
+  // Of the groups that are not rigid; a list, so that blocks stay in place.
+  std::list<std::vector<double>> group_means_;
+  // Terms of the `params` of the cameras of the bundle.
+  ceres::Problem camera_terms_;
+};
+
+}  // namespace
+
+bool BundleAdjustmentOptions::IsValid(std::string* error) const {
+  return CheckOption(max_num_iterations >= 1,
+                     "max_num_iterations must be >= 1",
+                     max_num_iterations,
+                     error) &&
+         CheckOption(function_tolerance >= 0,
+                     "function_tolerance must be >= 0",
+                     function_tolerance,
+                     error) &&
+         CheckOption(loss_scale_px > 0,
+                     "loss_scale_px must be > 0",
+                     loss_scale_px,
+                     error) &&
+         CheckOption(max_num_depths > 0,
+                     "max_num_depths must be > 0",
+                     max_num_depths,
+                     error) &&
+         CheckOption(max_depth_stddev > 0,
+                     "max_depth_stddev must be > 0",
+                     max_depth_stddev,
+                     error) &&
+         intrinsics.IsValid(error);
+}
+
+double AdaptedLossScale(const BundleAdjustmentOptions& options,
+                        const colmap::Reconstruction& model) {
+  std::vector<double> errors_px;
+  for (const colmap::point3D_t point_id : SortedPoints(model)) {
+    const colmap::Point3D& point = model.Point3D(point_id);
+    for (const colmap::TrackElement& element : point.Track().Elements()) {
+      const Eigen::Vector3d in_cam =
+          CamFromWorld(model.Image(element.image_id)) * point.XYZ();
+      if (!(in_cam.z() > 0)) continue;
+      errors_px.push_back(ReprojectionError(model, element, in_cam));
+    }
+  }
+  if (errors_px.empty()) return options.loss_scale_px;
+  return std::clamp(kLossScalePerError * Median(errors_px),
+                    kMinLossScaleRatio * options.loss_scale_px,
+                    options.loss_scale_px);
+}
+
+std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
+                                   int num_threads,
+                                   colmap::image_t fixed_image,
+                                   const CameraBeliefs& beliefs,
+                                   const DepthPriors& depth_priors,
+                                   colmap::Reconstruction* model) {
+  if (model->NumPoints3D() == 0) return std::nullopt;
+  ModelBundle bundle(options, beliefs, depth_priors, model);
+  bundle.FixGauge(fixed_image);
+  return bundle.Solve(num_threads);
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,237 @@
+#include "sfm/mapping/component_mapping.h"
+
+#include "colmap_ext/pose_access.h"
+#include "sfm/intrinsics/camera_model_check.h"
+#include "sfm/mapping/metric_scale.h"
+#include "sfm/mapping/model_building.h"
+#include "sfm/mapping/split_half.h"
+
+#include <algorithm>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Depth maps are not better than this [log].
+constexpr double kMinDepthStddev = 0.01;
+
+// Why an image whose pairs give it a rotation has no position.
+std::string WhyNotPositioned(colmap::image_t image_id,
+                             const PairGeometries& pairs) {
+  size_t num_valid = 0, num_rotation_only = 0;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.status != PairStatus::VALID ||
+        (image_id1 != image_id && image_id2 != image_id)) {
+      continue;
+    }
+    ++num_valid;
+    num_rotation_only += pair.Has(PairDegeneracy::ROTATION_ONLY);
+  }
+  if (2 * num_rotation_only <= num_valid) {
+    return "sees too few tracks to be positioned";
+  }
+  return std::to_string(num_rotation_only) + " of its " +
+         std::to_string(num_valid) +
+         " valid pairs show a rotation only: a position needs images from "
+         "other places, or depth";
+}
+
+// The averages that a model starts from.
+struct ComponentAverages {
+  ImageScales scales;
+  ImageCenters centers;
+};
+
+ComponentAverages AverageScalesAndCenters(const MappingContext& context,
+                                          const ComponentRotations& rotations,
+                                          const ImageIndex& index,
+                                          PairGeometries* pairs,
+                                          MappingLog* log) {
+  const DepthGlobalMapperOptions& options = context.options;
+  ComponentAverages averages;
+  StageTimer scale_timer("scale_averaging");
+  const ComponentScales scales = AverageComponentScales(
+      options.averaging, options.skip_scale_averaging, index, pairs);
+  averages.scales = scales.scales;
+  scale_timer.Add("pairs", double(scales.num_pairs))
+      .Add("outliers", double(scales.num_outliers))
+      .Add("images", double(scales.scales.size()));
+  scale_timer.Finish(&log->stages);
+  if (options.skip_translation_averaging) return averages;
+  StageTimer translation_timer("translation_averaging");
+  const ComponentTranslations translations = AverageComponentTranslations(
+      options.averaging, index, rotations.cam_from_world, scales.scales, pairs);
+  averages.centers = translations.centers;
+  translation_timer.Add("pairs_filtered",
+                        double(translations.num_pairs_filtered));
+  translation_timer.Finish(&log->stages);
+  return averages;
+}
+
+// A model of rotated images without positions and points.
+colmap::Reconstruction CreateModel(const MappingContext& context,
+                                   const ComponentRotations& rotations) {
+  colmap::Reconstruction model;
+  for (size_t i = 0; i < rotations.image_ids.size(); ++i) {
+    colmap::Image image = context.scene.images.at(rotations.image_ids[i]);
+    if (!model.ExistsCamera(image.CameraId())) {
+      model.AddCamera(context.scene.cameras.at(image.CameraId()));
+    }
+    SetCamFromWorld({rotations.cam_from_world[i], Eigen::Vector3d::Zero()},
+                    &image);
+    model.AddImage(image);
+  }
+  return model;
+}
+
+ModelInProgress StartModel(const MappingContext& context,
+                           const ComponentRotations& rotations,
+                           PairGeometries* pairs,
+                           MappingLog* log) {
+  const ImageIndex index(rotations.image_ids);
+  const ComponentAverages averages =
+      AverageScalesAndCenters(context, rotations, index, pairs, log);
+  ModelInProgress progress;
+  progress.model = CreateModel(context, rotations);
+  progress.cameras = CamerasOf(context.scene, rotations.image_ids);
+  progress.beliefs = context.camera_beliefs;
+  progress.final_loss_scale_px =
+      context.options.refinement.bundle_adjustment.loss_scale_px;
+
+  StageTimer timer("initialization");
+  const std::vector<colmap::Track> tracks =
+      EstablishTracks(index, *pairs, context.options.tracks);
+  InitializePositions(index,
+                      *pairs,
+                      context.depths,
+                      averages.scales,
+                      averages.centers,
+                      tracks,
+                      context.options.position_initialization,
+                      &progress.model);
+  timer.Add("tracks", double(tracks.size()))
+      .Add("images", double(progress.model.NumRegImages()))
+      .Add("points", double(progress.model.NumPoints3D()));
+  timer.Finish(&log->stages);
+
+  progress.depth_priors.depths = &context.depths;
+  for (const auto& [image_id, scale] :
+       DepthScalesOfModel(context.depths, progress.model)) {
+    progress.depth_priors.stddevs[image_id] =
+        std::max(scale.log_spread, kMinDepthStddev);
+  }
+  return progress;
+}
+
+// Filters images, and scales the model by the depth maps.
+void FinishModel(const MappingContext& context,
+                 const ImageCenters& start_centers,
+                 colmap::Reconstruction* model,
+                 ComponentResult* result,
+                 MappingLog* log) {
+  StageTimer timer("metric_scale");
+  for (const auto& [image_id, reason] :
+       FilterImages(context.options.refinement, model)) {
+    result->unregistered_images[image_id] = reason;
+  }
+  const MetricScale metric = NormalizeToDepth(context.depths, model);
+  for (const auto& [image_id, scale] :
+       DepthScalesOfModel(context.depths, *model)) {
+    result->depth_scales[image_id] = scale.scale;
+  }
+  UpdatePointErrors(model);
+  model->TearDown();
+  if (const auto advice = CameraModelAdvice(MeasureRadialErrors(*model))) {
+    log->Warn(*advice);
+  }
+  timer.Add("images", double(model->NumRegImages()))
+      .Add("points", double(model->NumPoints3D()))
+      .Add("scale_factor", metric.factor)
+      .Add("log_scale_spread", metric.log_spread)
+      .Add("scale_from_start", ScaleBetween(start_centers, CentersOf(*model)))
+      .Add("images_with_scale", double(metric.num_images));
+  timer.Finish(&log->stages);
+}
+
+// Gives the cameras of the model the ids that they are written with, and says
+// what became of each.
+void FinishCameras(const MappingContext& context,
+                   ModelInProgress* progress,
+                   ComponentResult* result) {
+  colmap::Reconstruction& model = progress->model;
+  std::vector<CameraGroup>& groups = progress->beliefs.groups;
+  KeepGroupsOf(model, &groups);
+  const std::map<colmap::camera_t, colmap::camera_t> final_ids =
+      context.options.share_intrinsics
+          ? FirstOfRigidGroups(groups)
+          : JoinedCameraIds(progress->cameras.origins, groups, model);
+  for (auto& [camera_id, camera] : SummarizeCameras(
+           FinalAdjustment(context, *progress), progress->beliefs, model)) {
+    const auto final_id = final_ids.find(camera_id);
+    result->cameras.emplace(
+        final_id == final_ids.end() ? camera_id : final_id->second, camera);
+  }
+  const bool are_new =
+      std::any_of(final_ids.begin(), final_ids.end(), [](const auto& ids) {
+        return ids.first != ids.second;
+      });
+  if (are_new) RenameCameras(final_ids, &model);
+}
+
+void MeasureRepeatability(const MappingContext& context,
+                          const ModelInProgress& progress,
+                          ComponentResult* result,
+                          MappingLog* log) {
+  StageTimer timer("repeatability");
+  result->repeatability = SplitHalfRepeatability(
+      FinalAdjuster(context, progress),
+      context.options.refinement.bundle_adjustment.max_num_iterations,
+      progress.beliefs,
+      progress.model);
+  timer.Finish(&log->stages);
+}
+
+}  // namespace
+
+ComponentResult MapComponent(const MappingContext& context,
+                             const ComponentRotations& rotations,
+                             bool measure_repeatability,
+                             PairGeometries* pairs,
+                             MappingLog* log) {
+  ComponentResult result;
+  ModelInProgress progress = StartModel(context, rotations, pairs, log);
+  colmap::Reconstruction& model = progress.model;
+  const ImageCenters start_centers = CentersOf(model);
+  for (const colmap::image_t image_id : rotations.image_ids) {
+    if (!model.IsImageRegistered(image_id)) {
+      result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
+    }
+  }
+  const bool success = RefineModel(context, &progress, log);
+  if (success) {
+    CompleteModel(context, &progress, pairs, &result.readmitted_pairs, log);
+    if (measure_repeatability) {
+      MeasureRepeatability(context, progress, &result, log);
+    }
+  }
+  FinishModel(context, start_centers, &model, &result, log);
+  const int min_model_size = context.options.min_model_size;
+  if (!success || model.NumRegImages() < size_t(min_model_size)) {
+    for (const colmap::image_t image_id : model.RegImageIds()) {
+      result.unregistered_images[image_id] =
+          success ? "its model has fewer than " +
+                        std::to_string(min_model_size) + " images"
+                  : "the optimisation of its model failed";
+    }
+    result.depth_scales.clear();
+    return result;
+  }
+  FinishCameras(context, &progress, &result);
+  result.model = std::make_unique<colmap::Reconstruction>(std::move(model));
+  return result;
+}
+
+}  // namespace dgsfm

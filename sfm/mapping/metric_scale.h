@@ -1,0 +1,69 @@
+// The scale of a model by its depth maps.
+
+#pragma once
+
+#include "sfm/verification/pair_verification.h"
+#include "sfm/view_graph/component_averaging.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/reconstruction.h>
+
+#include <map>
+#include <string>
+
+namespace dgsfm {
+
+// Factors of the depth maps against the model: s_i = median over the points of
+// image i of z-depth / prior depth, for images with enough of them, and the
+// spread of the logarithms about it (1.4826 x median absolute deviation) [1].
+struct DepthScale {
+  double scale = 1;
+  double log_spread = 0;
+};
+std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
+    const KeypointDepthMap& depths, const colmap::Reconstruction& model);
+
+// Centres of the registered images.
+ImageCenters CentersOf(const colmap::Reconstruction& model);
+
+// Factor of the similarity that takes the first centres to the second ones best
+// in the least-squares sense, of the images in both; 0 with fewer than three of
+// them or where these coincide.
+double ScaleBetween(const ImageCenters& from, const ImageCenters& to);
+
+// What a model is measured in.
+enum class ModelUnit {
+  ARBITRARY,   // no depth map fixes its scale
+  DEPTH_MAPS,  // the median unit of the maps: relative ones, or too different
+  METRES,
+};
+std::string ModelUnitName(ModelUnit unit);
+
+// The unit by the depth scales of a model's images, and their spread: the
+// maps of one depth model are metric if their scales agree.
+struct MeasuredUnit {
+  ModelUnit unit = ModelUnit::ARBITRARY;
+  size_t num_images = 0;
+  // Of the logarithms of the scales, 1.4826 x median absolute deviation [1].
+  double log_spread = 0;
+
+  // Whether metric maps disagree too much to be that.
+  bool IsDoubtful() const;
+};
+MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
+                         const std::map<colmap::image_t, double>& depth_scales,
+                         const colmap::Reconstruction& model);
+
+// Scales the model so that the median of its depth scales is one. Returns the
+// factor applied (1 without depth) and the spread of log s_i over images
+// (1.4826 x median absolute deviation) [1].
+struct MetricScale {
+  double factor = 1;
+  double log_spread = 0;
+  size_t num_images = 0;
+};
+MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
+                             colmap::Reconstruction* model);
+
+}  // namespace dgsfm

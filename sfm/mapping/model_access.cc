@@ -1,0 +1,36 @@
+#include "sfm/mapping/model_access.h"
+
+#include <algorithm>
+
+namespace dgsfm {
+
+std::vector<colmap::image_t> SortedRegisteredImages(
+    const colmap::Reconstruction& model) {
+  std::vector<colmap::image_t> image_ids = model.RegImageIds();
+  std::sort(image_ids.begin(), image_ids.end());
+  return image_ids;
+}
+
+std::vector<colmap::point3D_t> SortedPoints(
+    const colmap::Reconstruction& model) {
+  std::vector<colmap::point3D_t> point_ids;
+  for (const auto& point : model.Points3D()) point_ids.push_back(point.first);
+  std::sort(point_ids.begin(), point_ids.end());
+  return point_ids;
+}
+
+double ReprojectionError(const colmap::Reconstruction& model,
+                         const colmap::TrackElement& element,
+                         const Eigen::Vector3d& point_in_cam) {
+  const colmap::Image& image = model.Image(element.image_id);
+  return (model.Camera(image.CameraId())
+              .WorldToImage(point_in_cam.hnormalized()) -
+          image.Point2D(element.point2D_idx).XY())
+      .norm();
+}
+
+double LargerSide(const colmap::Camera& camera) {
+  return double(std::max(camera.Width(), camera.Height()));
+}
+
+}  // namespace dgsfm

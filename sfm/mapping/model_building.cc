@@ -1,0 +1,377 @@
+#include "sfm/mapping/model_building.h"
+
+#include "sfm/mapping/model_access.h"
+#include "sfm/mapping/model_refinement.h"
+
+#include <algorithm>
+#include <memory>
+#include <set>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Share of observations whose removal is worth another round of adjustment.
+constexpr double kMinFilteredShare = 1e-3;
+// Relative decrease by an iteration that ends adjustments before the model is
+// complete.
+constexpr double kPreliminaryFunctionTolerance = 1e-4;
+// Rounds of retriangulation and adjustment.
+constexpr int kMaxNumRetriangulationRounds = 2;
+// Rounds of refinement in which images may leave the cameras they share. Few
+// leave in each: what the others contradict shows without them.
+constexpr int kMaxNumTieRounds = 3;
+
+// The registered image with the most points, the best anchor of the gauge; the
+// smallest id among equals.
+colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
+  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
+  return *std::max_element(
+      image_ids.begin(),
+      image_ids.end(),
+      [&](colmap::image_t image_id1, colmap::image_t image_id2) {
+        return model.Image(image_id1).NumPoints3D() <
+               model.Image(image_id2).NumPoints3D();
+      });
+}
+
+bool IsRegistered(const colmap::Reconstruction& model,
+                  colmap::image_t image_id) {
+  return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
+}
+
+std::optional<double> Adjust(const MappingContext& context,
+                             const BundleAdjustmentOptions& adjustment,
+                             const CameraBeliefs& beliefs,
+                             const DepthPriors& depth_priors,
+                             colmap::Reconstruction* model) {
+  const ModelRefinementOptions& refinement = context.options.refinement;
+  return AdjustBundle(adjustment,
+                      refinement.num_threads,
+                      AnchorImage(*model),
+                      beliefs,
+                      PriorsInNeed(refinement, *model, depth_priors),
+                      model);
+}
+
+bool PositionModel(const MappingContext& context,
+                   ModelInProgress* progress,
+                   MappingLog* log) {
+  colmap::Reconstruction& model = progress->model;
+  const DepthGlobalMapperOptions& options = context.options;
+  if (model.NumPoints3D() == 0) return false;
+  if (options.skip_global_positioning) return true;
+  StageTimer timer("global_positioning");
+  const GlobalPositioningSummary summary = PositionCameras(
+      options.refinement, progress->depth_priors, AnchorImage(model), &model);
+  if (!summary.success) {
+    LOG(ERROR) << "Global positioning failed: " << summary.message;
+    return false;
+  }
+  const size_t num_filtered = FilterObservationsByAngle(
+      options.refinement.max_angular_error_deg, &model);
+  timer.Add("iterations", summary.num_iterations)
+      .Add("converged", summary.converged)
+      .Add("initial_cost", summary.initial_cost)
+      .Add("final_cost", summary.final_cost)
+      .Add("observations_filtered", double(num_filtered))
+      .Add("points", double(model.NumPoints3D()));
+  timer.Finish(&log->stages);
+  return model.NumPoints3D() > 0;
+}
+
+bool AdjustModel(const MappingContext& context,
+                 ModelInProgress* progress,
+                 MappingLog* log) {
+  colmap::Reconstruction& model = progress->model;
+  const DepthGlobalMapperOptions& options = context.options;
+  if (options.skip_bundle_adjustment) return true;
+  const int num_rounds = options.refinement.num_bundle_adjustment_rounds;
+  BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
+  if (options.HasFinalAdjustment()) {
+    adjustment.function_tolerance =
+        std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
+  }
+  for (int round = 0; round < num_rounds; ++round) {
+    StageTimer timer("bundle_adjustment");
+    const std::optional<double> rms = Adjust(
+        context, adjustment, progress->beliefs, progress->depth_priors, &model);
+    if (!rms) return false;
+    const size_t num_filtered =
+        FilterObservations(options.refinement, num_rounds - round, &model);
+    timer.Add("round", round + 1)
+        .Add("rms_px", *rms)
+        .Add("observations_filtered", double(num_filtered))
+        .Add("points", double(model.NumPoints3D()));
+    timer.Finish(&log->stages);
+  }
+  return model.NumPoints3D() > 0;
+}
+
+SelfCalibrationOptions SelfCalibration(const MappingContext& context,
+                                       const ModelInProgress& progress) {
+  SelfCalibrationOptions options;
+  options.grouping = context.options.camera_grouping;
+  options.tie_cameras = context.options.TiesCameras();
+  options.bundle_adjustment = FinalAdjustment(context, progress);
+  options.adjust = FinalAdjuster(context, progress);
+  return options;
+}
+
+// Takes images out of the cameras and groups that they contradict. Returns
+// whether anything changed.
+bool Untie(const MappingContext& context,
+           const std::vector<colmap::image_t>& image_ids,
+           ModelInProgress* progress,
+           MappingLog* log) {
+  ImageCameras& cameras = progress->cameras;
+  const size_t num_tied = progress->beliefs.NumTiedCameras();
+  const size_t num_split = cameras.origins.size();
+  if (context.options.split_cameras) {
+    const std::set<colmap::camera_t> shared = SharedCameras(cameras);
+    std::set<colmap::camera_t> contradicted;
+    for (const colmap::image_t image_id : image_ids) {
+      const colmap::camera_t camera_id = cameras.camera_of_image.at(image_id);
+      if (shared.count(camera_id) > 0) contradicted.insert(camera_id);
+    }
+    for (const colmap::camera_t camera_id : contradicted) {
+      log->Warn("The images of camera " + std::to_string(camera_id) +
+                " have focal lengths that differ by more than their errors: "
+                "each gets a camera of its own where it differs "
+                "(--split_cameras 0 keeps one)");
+    }
+    SplitCameras(contradicted, &cameras);
+    AddSplitCameras(cameras.origins, &progress->beliefs);
+  }
+  UntieImages(cameras, image_ids, &progress->beliefs.groups);
+  return cameras.origins.size() != num_split ||
+         progress->beliefs.NumTiedCameras() != num_tied;
+}
+
+void CalibrateCameras(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log) {
+  StageTimer timer("self_calibration");
+  const CameraBeliefs beliefs = CalibrateModel(
+      SelfCalibration(context, *progress), progress->beliefs, &progress->model);
+  progress->beliefs = beliefs;
+  timer.Add("groups", double(beliefs.groups.size()))
+      .Add("cameras", double(beliefs.NumTiedCameras()))
+      .Add("principal_points_held",
+           double(beliefs.held_principal_points.size()));
+  timer.Finish(&log->stages);
+}
+
+// The inliers of the valid pairs between registered images.
+void AddInliers(const PairGeometries& pairs,
+                const colmap::Reconstruction& model,
+                colmap::CorrespondenceGraph* graph) {
+  for (const auto& [image_id, image] : model.Images()) {
+    graph->AddImage(image_id, image.NumPoints2D());
+  }
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (pair.status == PairStatus::VALID && IsRegistered(model, image_id1) &&
+        IsRegistered(model, image_id2)) {
+      graph->AddCorrespondences(image_id1, image_id2, pair.inlier_matches);
+    }
+  }
+}
+
+void AddAgreeingMatches(const MappingContext& context,
+                        const PairGeometries& pairs,
+                        const colmap::Reconstruction& model,
+                        colmap::CorrespondenceGraph* graph) {
+  BuildCorrespondenceGraph(context.scene,
+                           pairs,
+                           context.verification,
+                           context.options.refinement.max_epipolar_error_px,
+                           model,
+                           graph);
+}
+
+// Adjusts the model as it is to stay and filters it; returns the number of
+// observations that left.
+size_t AdjustAgain(const MappingContext& context,
+                   ModelInProgress* progress,
+                   StageTimer* timer) {
+  const std::optional<double> rms = Adjust(context,
+                                           FinalAdjustment(context, *progress),
+                                           progress->beliefs,
+                                           progress->depth_priors,
+                                           &progress->model);
+  const size_t num_filtered =
+      FilterObservations(context.options.refinement, 1.0, &progress->model);
+  if (rms) {
+    timer->Add("rms_px", *rms);
+  } else {
+    LOG(WARNING) << "The final bundle adjustment failed";
+    timer->Add("adjustment_failed", 1);
+  }
+  timer->Add("observations_filtered", double(num_filtered))
+      .Add("points", double(progress->model.NumPoints3D()));
+  return num_filtered;
+}
+
+void RetriangulateModel(const MappingContext& context,
+                        const PairGeometries& pairs,
+                        ModelInProgress* progress,
+                        MappingLog* log) {
+  colmap::Reconstruction& model = progress->model;
+  for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
+    StageTimer timer("retriangulation");
+    colmap::CorrespondenceGraph graph;
+    if (context.options.skip_match_completion) {
+      AddInliers(pairs, model, &graph);
+    } else {
+      AddAgreeingMatches(context, pairs, model, &graph);
+    }
+    const size_t num_gained =
+        Retriangulate(context.options.refinement, graph, &model);
+    timer.Add("observations_gained", double(num_gained));
+    const size_t num_filtered = AdjustAgain(context, progress, &timer);
+    timer.Finish(&log->stages);
+    const double num_observations = double(model.ComputeNumObservations());
+    if (double(num_gained + num_filtered) <
+        kMinFilteredShare * num_observations) {
+      break;
+    }
+  }
+}
+
+// Pairs with images that the model lacks keep their status.
+void JudgePairs(const MappingContext& context,
+                const colmap::Reconstruction& model,
+                PairGeometries* pairs,
+                std::map<colmap::image_pair_t, PairStatus>* readmitted_pairs) {
+  colmap::CorrespondenceGraph graph;
+  AddAgreeingMatches(context, *pairs, model, &graph);
+  for (auto& [pair_id, pair] : *pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (!IsRegistered(model, image_id1) || !IsRegistered(model, image_id2)) {
+      continue;
+    }
+    const bool agrees =
+        graph.NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
+    if (agrees && pair.status != PairStatus::VALID) {
+      readmitted_pairs->emplace(pair_id, pair.status);
+      pair.status = PairStatus::VALID;
+    } else if (!agrees && pair.status == PairStatus::VALID) {
+      pair.status = PairStatus::MODEL_OUTLIER;
+    }
+  }
+}
+
+// Holds cameras whose intrinsics ran away at their values before the
+// adjustment, which keeps their images.
+void HoldImplausibleCameras(const MappingContext& context,
+                            ModelInProgress* progress,
+                            MappingLog* log) {
+  colmap::Reconstruction& model = progress->model;
+  const std::set<colmap::camera_t> implausible = ImplausibleCameras(model);
+  if (implausible.empty()) return;
+  for (const colmap::camera_t camera_id : implausible) {
+    model.Camera(camera_id).SetParams(
+        progress->cameras.cameras.at(camera_id).Params());
+    progress->beliefs.held_cameras.insert(camera_id);
+    for (CameraGroup& group : progress->beliefs.groups) {
+      auto& ids = group.camera_ids;
+      ids.erase(std::remove(ids.begin(), ids.end(), camera_id), ids.end());
+    }
+  }
+  log->Warn("Bundle adjustment made the intrinsics of " +
+            std::to_string(implausible.size()) +
+            " cameras, the first of them camera " +
+            std::to_string(*implausible.begin()) +
+            ", implausible: they are held at the averages over image pairs. "
+            "Give focal lengths (EXIF data) or leave their images out");
+  Adjust(context,
+         FinalAdjustment(context, *progress),
+         progress->beliefs,
+         progress->depth_priors,
+         &model);
+  FilterObservations(context.options.refinement, 1.0, &model);
+}
+
+}  // namespace
+
+bool RefineModel(const MappingContext& context,
+                 ModelInProgress* progress,
+                 MappingLog* log) {
+  const auto refine = [&] {
+    return PositionModel(context, progress, log) &&
+           AdjustModel(context, progress, log);
+  };
+  if (!context.options.TiesCameras()) return refine();
+  const colmap::Reconstruction start = progress->model;
+  TieCameraClasses(context.options.refinement.bundle_adjustment.intrinsics,
+                   &progress->beliefs,
+                   &progress->model);
+  for (int round = 1; refine(); ++round) {
+    if (round == kMaxNumTieRounds) return true;
+    const std::vector<colmap::image_t> image_ids =
+        FindContradictingImages(SelfCalibration(context, *progress),
+                                progress->beliefs,
+                                progress->model);
+    if (image_ids.empty() || !Untie(context, image_ids, progress, log)) {
+      return true;
+    }
+    progress->model = start;
+    UseCameras(progress->cameras, &progress->model);
+  }
+  return false;
+}
+
+void CompleteModel(const MappingContext& context,
+                   ModelInProgress* progress,
+                   PairGeometries* pairs,
+                   std::map<colmap::image_pair_t, PairStatus>* readmitted_pairs,
+                   MappingLog* log) {
+  const DepthGlobalMapperOptions& options = context.options;
+  if (!options.skip_loss_adaptation) {
+    progress->final_loss_scale_px =
+        AdaptedLossScale(options.refinement.bundle_adjustment, progress->model);
+  }
+  if (!options.skip_self_calibration) CalibrateCameras(context, progress, log);
+  if (!options.skip_retriangulation) {
+    RetriangulateModel(context, *pairs, progress, log);
+  } else if (options.HasFinalAdjustment()) {
+    StageTimer timer("final_adjustment");
+    AdjustAgain(context, progress, &timer);
+    timer.Finish(&log->stages);
+  }
+  if (!options.skip_pair_judging) {
+    JudgePairs(context, progress->model, pairs, readmitted_pairs);
+  }
+  if (options.HasFinalAdjustment()) {
+    HoldImplausibleCameras(context, progress, log);
+  }
+}
+
+BundleAdjustmentOptions FinalAdjustment(const MappingContext& context,
+                                        const ModelInProgress& progress) {
+  const DepthGlobalMapperOptions& options = context.options;
+  BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
+  adjustment.loss_scale_px = progress.final_loss_scale_px;
+  adjustment.intrinsics.refine_principal_point =
+      options.refinement.refine_principal_point &&
+      !options.skip_self_calibration;
+  return adjustment;
+}
+
+ModelAdjuster FinalAdjuster(const MappingContext& context,
+                            const ModelInProgress& progress) {
+  return [&context, &progress](const CameraBeliefs& beliefs,
+                               int max_num_iterations,
+                               colmap::Reconstruction* model) {
+    BundleAdjustmentOptions adjustment = FinalAdjustment(context, progress);
+    adjustment.max_num_iterations =
+        std::min(adjustment.max_num_iterations, max_num_iterations);
+    return Adjust(context, adjustment, beliefs, progress.depth_priors, model)
+        .has_value();
+  };
+}
+
+}  // namespace dgsfm

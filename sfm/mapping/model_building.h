@@ -1,0 +1,50 @@
+// The stages that turn a start into a finished model: positioning, adjustment,
+// self-calibration, completion.
+
+#pragma once
+
+#include "sfm/intrinsics/camera_splitting.h"
+#include "sfm/intrinsics/self_calibration.h"
+#include "sfm/mapping_context.h"
+
+#include <map>
+
+namespace dgsfm {
+
+// A model on its way through the stages, and what is believed of its cameras.
+struct ModelInProgress {
+  colmap::Reconstruction model;
+  ImageCameras cameras;
+  CameraBeliefs beliefs;
+  // Depth maps, by how well they agree at the start.
+  DepthPriors depth_priors;
+  // Residual from which the loss of the final adjustments grows linearly [px].
+  double final_loss_scale_px = 0;
+};
+
+// Positions and adjusts a started model, with shared intrinsics of all cameras
+// of a kind, and once more without the images that contradict theirs. Returns
+// false if a solver failed or no point is left.
+bool RefineModel(const MappingContext& context,
+                 ModelInProgress* progress,
+                 MappingLog* log);
+
+// Calibrates the cameras of a refined model, completes its tracks, and judges
+// the pairs of its images by its poses. Pairs that become VALID again are added
+// to `readmitted_pairs` with the status before.
+void CompleteModel(const MappingContext& context,
+                   ModelInProgress* progress,
+                   PairGeometries* pairs,
+                   std::map<colmap::image_pair_t, PairStatus>* readmitted_pairs,
+                   MappingLog* log);
+
+// The adjustment that the finished model is at.
+BundleAdjustmentOptions FinalAdjustment(const MappingContext& context,
+                                        const ModelInProgress& progress);
+
+// Adjusts models as the finished model was adjusted. The context and the
+// progress must outlive it.
+ModelAdjuster FinalAdjuster(const MappingContext& context,
+                            const ModelInProgress& progress);
+
+}  // namespace dgsfm

@@ -1,0 +1,330 @@
+#include "sfm/mapping/position_initialization.h"
+
+#include "colmap_ext/check.h"
+#include "colmap_ext/pose_access.h"
+#include "estimators/averaging/graph.h"
+#include "estimators/median.h"
+#include "estimators/optimization/ray_intersection.h"
+#include "estimators/random.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace dgsfm {
+
+namespace {
+
+// Smallest angle between two rays of a point triangulated for the start [deg]:
+// below it the position along the rays is noise.
+constexpr double kMinTriangulationAngleDeg = 1.5;
+// Tracks a resected centre must rest on; two determine it, the rest reveals
+// wrong ones.
+constexpr int kMinNumResectionTracks = 6;
+// Weight of a seed pair stops to grow beyond this parallax [deg].
+constexpr double kGoodParallaxDeg = 15.0;
+
+struct Observation {
+  int image = 0;
+  // Of the feature, R_i^T K_i^-1 x with unit z in the camera and unit length.
+  Eigen::Vector3d direction_in_world;
+  Eigen::Vector3d ray_in_world;
+  // s_i D_i(x), or 0 where unknown.
+  double depth = 0;
+};
+
+class PositionInitializer {
+ public:
+  PositionInitializer(const ImageIndex& index,
+                      const PairGeometries& pairs,
+                      const KeypointDepthMap& depths,
+                      const ImageScales& scales,
+                      const ImageCenters& averages,
+                      const std::vector<colmap::Track>& tracks,
+                      const PositionInitializationOptions& options,
+                      colmap::Reconstruction* reconstruction)
+      : index_(index),
+        pairs_(pairs),
+        scales_(options.use_depth ? scales : ImageScales()),
+        averages_(options.average_centers ? averages : ImageCenters()),
+        tracks_(tracks),
+        options_(options),
+        reconstruction_(reconstruction),
+        centers_(index.Size()),
+        points_(tracks.size()),
+        tracks_of_images_(index.Size()),
+        num_placed_tracks_(index.Size(), 0) {
+    CollectObservations(depths);
+  }
+
+  size_t Run() {
+    if (options_.is_random) {
+      PlaceRandomly();
+      return WriteToReconstruction();
+    }
+    if (!PlaceScaledImages()) PlaceSeedPair();
+    for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
+    GrowByResection();
+    return WriteToReconstruction();
+  }
+
+ private:
+  void CollectObservations(const KeypointDepthMap& depths) {
+    observations_.resize(tracks_.size());
+    for (size_t i = 0; i < tracks_.size(); ++i) {
+      for (const colmap::TrackElement& element : tracks_[i].Elements()) {
+        const colmap::Image& image = reconstruction_->Image(element.image_id);
+        const Eigen::Vector2d normalized =
+            reconstruction_->Camera(image.CameraId())
+                .ImageToWorld(image.Point2D(element.point2D_idx).XY());
+        Observation observation;
+        observation.image = index_.Of(element.image_id);
+        observation.direction_in_world =
+            CamFromWorld(image).rotation.conjugate() * normalized.homogeneous();
+        observation.ray_in_world = observation.direction_in_world.normalized();
+        const auto scale = scales_.find(element.image_id);
+        const auto depth = depths.find(element.image_id);
+        if (scale != scales_.end() && depth != depths.end()) {
+          observation.depth =
+              scale->second * depth->second.depths[element.point2D_idx];
+        }
+        observations_[i].push_back(observation);
+        tracks_of_images_[observation.image].push_back(int(i));
+      }
+    }
+  }
+
+  Eigen::Quaterniond Rotation(int image) const {
+    return CamFromWorld(reconstruction_->Image(index_.IdOf(image))).rotation;
+  }
+
+  // Centre of image 2 of a pair given that of image 1; the translation is in
+  // units of `unit`.
+  Eigen::Vector3d ChainCenter(const Eigen::Vector3d& center1,
+                              int image2,
+                              const Rigid3d& cam2_from_cam1,
+                              double unit) const {
+    return center1 -
+           Rotation(image2).conjugate() * (unit * cam2_from_cam1.translation);
+  }
+
+  void PlaceRandomly() {
+    SplitMix64 random(uint64_t(options_.random_seed));
+    const auto draw = [&] {
+      Eigen::Vector3d position;
+      for (double& coordinate : position) {
+        coordinate = std::ldexp(double(random() >> 11), -52) - 1;
+      }
+      return position;
+    };
+    for (auto& center : centers_) center = draw();
+    for (auto& point : points_) point = draw();
+  }
+
+  bool PlaceScaledImages() {
+    std::vector<GraphEdge> edges;
+    std::vector<double> weights;
+    std::vector<const PairGeometry*> edge_pairs;
+    std::vector<double> strength(index_.Size(), 0);
+    for (const auto& [pair_id, pair] : pairs_) {
+      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+      if (pair.status != PairStatus::VALID || !pair.has_scale ||
+          scales_.count(image_id1) == 0 || scales_.count(image_id2) == 0) {
+        continue;
+      }
+      edges.emplace_back(index_.Of(image_id1), index_.Of(image_id2));
+      weights.push_back(double(pair.inlier_matches.size()));
+      edge_pairs.push_back(&pair);
+      strength[edges.back().first] += weights.back();
+      strength[edges.back().second] += weights.back();
+    }
+    if (edges.empty()) return false;
+    const int root = int(std::max_element(strength.begin(), strength.end()) -
+                         strength.begin());
+    const SpanningTree tree =
+        MaximumSpanningTree(index_.Size(), edges, weights, root);
+    for (const int image : tree.order) {
+      if (image == root) {
+        centers_[image] = Eigen::Vector3d::Zero();
+        continue;
+      }
+      const int parent = tree.parents[image];
+      const int edge = tree.parent_edges[image];
+      const PairGeometry& pair = *edge_pairs[edge];
+      const Rigid3d image_from_parent =
+          edges[edge].first == parent
+              ? pair.cam2_from_cam1
+              : InverseScaledPose(pair.cam2_from_cam1, pair.scale_1_from_2);
+      centers_[image] = ChainCenter(*centers_[parent],
+                                    image,
+                                    image_from_parent,
+                                    scales_.at(index_.IdOf(parent)));
+    }
+    if (!averages_.empty()) MoveToAverages(tree.order, root);
+    return true;
+  }
+
+  void MoveToAverages(const std::vector<int>& images, int root) {
+    const Eigen::Vector3d& origin = averages_.at(index_.IdOf(root));
+    for (const int image : images) {
+      centers_[image] = averages_.at(index_.IdOf(image)) - origin;
+    }
+  }
+
+  // Median angle between the two rays of tracks that both images see [deg].
+  double MedianParallaxDeg(int image1, int image2) const {
+    std::vector<double> angles;
+    for (const int track : tracks_of_images_[image1]) {
+      const Eigen::Vector3d* ray1 = nullptr;
+      const Eigen::Vector3d* ray2 = nullptr;
+      for (const Observation& observation : observations_[track]) {
+        if (observation.image == image1) ray1 = &observation.ray_in_world;
+        if (observation.image == image2) ray2 = &observation.ray_in_world;
+      }
+      if (ray1 && ray2) angles.push_back(AngleDeg(*ray1, *ray2));
+    }
+    return angles.empty() ? 0 : Median(angles);
+  }
+
+  void PlaceSeedPair() {
+    double best_score = -1;
+    for (const auto& [pair_id, pair] : pairs_) {
+      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+      const int image1 = index_.Of(image_id1);
+      const int image2 = index_.Of(image_id2);
+      if (pair.status != PairStatus::VALID || image1 < 0 || image2 < 0 ||
+          pair.cam2_from_cam1.translation.norm() == 0) {
+        continue;
+      }
+      const double score =
+          double(pair.inlier_matches.size()) *
+          std::min(MedianParallaxDeg(image1, image2), kGoodParallaxDeg);
+      if (score <= best_score) continue;
+      best_score = score;
+      std::fill(centers_.begin(), centers_.end(), std::nullopt);
+      centers_[image1] = Eigen::Vector3d::Zero();
+      centers_[image2] =
+          ChainCenter(*centers_[image1],
+                      image2,
+                      pair.cam2_from_cam1,
+                      1 / pair.cam2_from_cam1.translation.norm());
+    }
+  }
+
+  // Places a track from depth if a placed image has it, else by triangulation.
+  void PlaceTrack(size_t track) {
+    if (points_[track]) return;
+    std::vector<Eigen::Vector3d> lifted;
+    std::vector<Eigen::Vector3d> centers;
+    std::vector<Eigen::Vector3d> rays;
+    for (const Observation& observation : observations_[track]) {
+      if (!centers_[observation.image]) continue;
+      centers.push_back(*centers_[observation.image]);
+      rays.push_back(observation.ray_in_world);
+      if (observation.depth > 0) {
+        lifted.push_back(centers.back() +
+                         observation.depth * observation.direction_in_world);
+      }
+    }
+    if (!lifted.empty()) {
+      points_[track] =
+          options_.use_median ? ComponentwiseMedian(lifted) : Mean(lifted);
+    } else {
+      points_[track] =
+          TriangulateRays(centers, rays, kMinTriangulationAngleDeg);
+    }
+    if (!points_[track]) return;
+    for (const Observation& observation : observations_[track]) {
+      ++num_placed_tracks_[observation.image];
+    }
+  }
+
+  void GrowByResection() {
+    std::vector<char> is_tried(index_.Size(), 0);
+    while (true) {
+      int next = -1;
+      for (int image = 0; image < index_.Size(); ++image) {
+        if (!centers_[image] && !is_tried[image] &&
+            num_placed_tracks_[image] >= kMinNumResectionTracks &&
+            (next < 0 ||
+             num_placed_tracks_[image] > num_placed_tracks_[next])) {
+          next = image;
+        }
+      }
+      if (next < 0) return;
+      is_tried[next] = 1;
+      std::vector<Eigen::Vector3d> points;
+      std::vector<Eigen::Vector3d> rays;
+      for (const int track : tracks_of_images_[next]) {
+        if (!points_[track]) continue;
+        points.push_back(*points_[track]);
+        for (const Observation& observation : observations_[track]) {
+          if (observation.image == next) {
+            rays.push_back(observation.ray_in_world);
+          }
+        }
+      }
+      centers_[next] = ResectCenter(points, rays);
+      if (!centers_[next]) continue;
+      for (const int track : tracks_of_images_[next]) PlaceTrack(track);
+    }
+  }
+
+  size_t WriteToReconstruction() {
+    size_t num_registered = 0;
+    for (int image = 0; image < index_.Size(); ++image) {
+      if (!centers_[image]) continue;
+      const colmap::image_t image_id = index_.IdOf(image);
+      SetCenterInWorld(*centers_[image], &reconstruction_->Image(image_id));
+      reconstruction_->RegisterImage(image_id);
+      ++num_registered;
+    }
+    for (size_t i = 0; i < tracks_.size(); ++i) {
+      if (!points_[i]) continue;
+      colmap::Track track;
+      for (const colmap::TrackElement& element : tracks_[i].Elements()) {
+        if (centers_[index_.Of(element.image_id)]) track.AddElement(element);
+      }
+      if (track.Length() < 2) continue;
+      reconstruction_->AddPoint3D(*points_[i], track);
+    }
+    return num_registered;
+  }
+
+  const ImageIndex& index_;
+  const PairGeometries& pairs_;
+  const ImageScales scales_;
+  const ImageCenters averages_;
+  const std::vector<colmap::Track>& tracks_;
+  const PositionInitializationOptions& options_;
+  colmap::Reconstruction* reconstruction_;
+
+  std::vector<std::optional<Eigen::Vector3d>> centers_;
+  std::vector<std::optional<Eigen::Vector3d>> points_;
+  std::vector<std::vector<Observation>> observations_;
+  std::vector<std::vector<int>> tracks_of_images_;
+  std::vector<int> num_placed_tracks_;
+};
+
+}  // namespace
+
+size_t InitializePositions(const ImageIndex& index,
+                           const PairGeometries& pairs,
+                           const KeypointDepthMap& depths,
+                           const ImageScales& scales,
+                           const ImageCenters& averages,
+                           const std::vector<colmap::Track>& tracks,
+                           const PositionInitializationOptions& options,
+                           colmap::Reconstruction* reconstruction) {
+  return PositionInitializer(index,
+                             pairs,
+                             depths,
+                             scales,
+                             averages,
+                             tracks,
+                             options,
+                             reconstruction)
+      .Run();
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,61 @@
+#include "sfm/verification/depth_reliability.h"
+
+#include <map>
+#include <set>
+
+namespace dgsfm {
+
+namespace {
+
+// Standard deviation of the log scale ratio up to which depth maps confirm
+// each other. Ten per cent of noise at a hundred points give 0.02, unrelated
+// maps 0.1.
+constexpr double kMaxLogScaleStddev = 0.05;
+constexpr int kMinNumContradictions = 2;
+// Of the log scale in a pair's covariance.
+constexpr int kLogScaleRow = 6;
+
+bool Confirms(const PairGeometry& pair) {
+  const double variance = pair.covariance(kLogScaleRow, kLogScaleRow);
+  return pair.status == PairStatus::VALID && pair.has_scale && variance > 0 &&
+         variance < kMaxLogScaleStddev * kMaxLogScaleStddev;
+}
+
+}  // namespace
+
+std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs) {
+  std::map<colmap::image_t, int> confirmations;
+  std::map<colmap::image_t, std::set<colmap::image_t>> contradictions;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (Confirms(pair)) {
+      ++confirmations[image_id1];
+      ++confirmations[image_id2];
+    } else if (pair.status == PairStatus::DEPTH_INCONSISTENT) {
+      contradictions[image_id1].insert(image_id2);
+      contradictions[image_id2].insert(image_id1);
+    }
+  }
+  std::set<colmap::image_t> unreliable;
+  while (true) {
+    int worst_excess = 0;
+    colmap::image_t worst = colmap::kInvalidImageId;
+    for (const auto& [image_id, others] : contradictions) {
+      const int excess = int(others.size()) - confirmations[image_id];
+      if (int(others.size()) >= kMinNumContradictions &&
+          excess > worst_excess) {
+        worst_excess = excess;
+        worst = image_id;
+      }
+    }
+    if (worst == colmap::kInvalidImageId) break;
+    unreliable.insert(worst);
+    for (const colmap::image_t other : contradictions[worst]) {
+      contradictions[other].erase(worst);
+    }
+    contradictions.erase(worst);
+  }
+  return {unreliable.begin(), unreliable.end()};
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,379 @@
+#include "sfm/view_graph/component_averaging.h"
+
+#include "estimators/averaging/graph.h"
+#include "estimators/median.h"
+#include "estimators/option_check.h"
+#include "sfm/view_graph/missing_matches.h"
+#include "sfm/view_graph/pair_evidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Strong pairs among the outliers are kept by this factor of their weight in
+// the averages that are tried instead.
+constexpr double kKeptWeightFactor = 100;
+constexpr double kStrongProbability = 0.9;
+// Fewer strong outliers are accidents.
+constexpr int kMinNumStrongOutliers = 3;
+constexpr int kMaxNumAlternatives = 3;
+// Missing matches below this are within what true pairs show [nat].
+constexpr double kMaxMissingMatches = 12;
+// Above, they divide the weight of their pair by e each time they grow by this.
+constexpr double kMissingMatchesPerFold = 4;
+// Inliers of look-alikes have one cause, which pairs share: their evidence
+// counts less than that of missing matches.
+constexpr double kOutlierCostFactor = 0.25;
+
+// Rotations of the images and the pairs that are off.
+struct RotationAverage {
+  std::vector<Eigen::Quaterniond> cam_from_world;
+  std::vector<char> is_outlier;
+};
+
+std::optional<RotationAverage> AverageRotationsKeeping(
+    const ComponentAveragingOptions& options,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& valid_pairs,
+    const std::vector<double>& weight_factors,
+    std::vector<Eigen::Quaterniond> start) {
+  RotationAverage average;
+  average.cam_from_world = std::move(start);
+  std::vector<RelativeRotation> relative_rotations;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    const PairGeometry& pair = *valid_pairs[i].pair;
+    RelativeRotation& relative = relative_rotations.emplace_back();
+    relative.node1 = valid_pairs[i].image1;
+    relative.node2 = valid_pairs[i].image2;
+    relative.cam2_from_cam1 = pair.cam2_from_cam1.rotation;
+    relative.weight = PairEvidence(pair) * weight_factors[i];
+  }
+  if (!AverageRotations(index.Size(),
+                        relative_rotations,
+                        /*fixed_node=*/0,
+                        options.rotation_averaging,
+                        &average.cam_from_world)) {
+    return std::nullopt;
+  }
+  for (const RelativeRotation& relative : relative_rotations) {
+    const Eigen::Quaterniond predicted =
+        average.cam_from_world[relative.node2] *
+        average.cam_from_world[relative.node1].conjugate();
+    average.is_outlier.push_back(
+        predicted.angularDistance(relative.cam2_from_cam1) * 180 / M_PI >
+        options.max_rotation_error_deg);
+  }
+  return average;
+}
+
+// What speaks against an average: outliers that had evidence, and matches that
+// the other pairs miss [nat].
+double CostOf(const RotationAverage& average,
+              const std::vector<IndexedPair>& valid_pairs,
+              const std::vector<double>& missing_matches) {
+  double cost = 0;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    cost += average.is_outlier[i]
+                ? kOutlierCostFactor * PairEvidence(*valid_pairs[i].pair)
+                : missing_matches[i];
+  }
+  return cost;
+}
+
+// Raises the weight of strong pairs among the outliers; their number.
+int KeepStrongOutliers(const RotationAverage& average,
+                       const std::vector<IndexedPair>& valid_pairs,
+                       std::vector<double>* weight_factors) {
+  int num_strong = 0;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    double& factor = (*weight_factors)[i];
+    if (!average.is_outlier[i] || factor != 1 ||
+        PairProbability(*valid_pairs[i].pair) < kStrongProbability) {
+      continue;
+    }
+    factor = kKeptWeightFactor;
+    ++num_strong;
+  }
+  return num_strong;
+}
+
+std::optional<RotationAverage> FindBestAverage(
+    const ComponentAveragingOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& valid_pairs,
+    const PairGeometries& pairs) {
+  const auto average_with = [&](const std::vector<double>& factors) {
+    return AverageRotationsKeeping(options,
+                                   index,
+                                   valid_pairs,
+                                   factors,
+                                   std::vector<Eigen::Quaterniond>());
+  };
+  std::vector<double> weight_factors(valid_pairs.size(), 1);
+  std::optional<RotationAverage> best = average_with(weight_factors);
+  if (!best || options.skip_alternatives ||
+      KeepStrongOutliers(*best, valid_pairs, &weight_factors) <
+          kMinNumStrongOutliers) {
+    return best;
+  }
+  const MissingMatches missing_matches(scene, depths, pairs);
+  std::vector<double> missing;
+  std::vector<double> trusted_factors;
+  for (const IndexedPair& indexed : valid_pairs) {
+    const double evidence = missing_matches.EvidenceAgainst(
+        PairIdOfImages(index.IdOf(indexed.image1), index.IdOf(indexed.image2)));
+    missing.push_back(evidence > kMaxMissingMatches ? evidence : 0);
+    trusted_factors.push_back(
+        std::exp(-missing.back() / kMissingMatchesPerFold));
+  }
+  double best_cost = CostOf(*best, valid_pairs, missing);
+  for (std::vector<double> factors : {weight_factors, trusted_factors}) {
+    for (int i = 0; i < kMaxNumAlternatives; ++i) {
+      std::optional<RotationAverage> average = average_with(factors);
+      if (!average) break;
+      const double cost = CostOf(*average, valid_pairs, missing);
+      const int num_strong =
+          KeepStrongOutliers(*average, valid_pairs, &factors);
+      LOG(INFO) << "Rotations that keep " << num_strong
+                << " more strong pairs cost " << cost << " instead of "
+                << best_cost;
+      if (cost < best_cost) {
+        best_cost = cost;
+        best = std::move(average);
+      }
+      if (num_strong < kMinNumStrongOutliers) break;
+    }
+  }
+  return best;
+}
+
+// Cuts off all images but those of the largest part that the edges connect.
+void KeepLargestPart(const ImageIndex& index,
+                     const std::vector<GraphEdge>& edges,
+                     ComponentRotations* rotations) {
+  const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
+  std::map<int, std::vector<colmap::image_t>> images_of_parts;
+  std::vector<Eigen::Quaterniond> kept_rotations;
+  for (int i = 0; i < index.Size(); ++i) {
+    images_of_parts[parts[i]].push_back(index.IdOf(i));
+    if (parts[i] == 0) kept_rotations.push_back(rotations->cam_from_world[i]);
+  }
+  rotations->image_ids = images_of_parts[0];
+  rotations->cam_from_world = kept_rotations;
+  for (const auto& [part, image_ids] : images_of_parts) {
+    if (part != 0) rotations->other_parts.push_back(image_ids);
+  }
+}
+
+std::vector<IndexedPair> ScaledPairs(const ImageIndex& index,
+                                     PairGeometries* pairs) {
+  std::vector<IndexedPair> scaled_pairs;
+  for (const IndexedPair& indexed : ValidPairs(index, pairs)) {
+    if (indexed.pair->has_scale) scaled_pairs.push_back(indexed);
+  }
+  return scaled_pairs;
+}
+
+// Images of the index in the largest part that scaled pairs connect.
+std::vector<colmap::image_t> LargestScaledPart(const ImageIndex& index,
+                                               PairGeometries* pairs) {
+  std::vector<GraphEdge> edges;
+  for (const IndexedPair& indexed : ScaledPairs(index, pairs)) {
+    edges.emplace_back(indexed.image1, indexed.image2);
+  }
+  const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
+  std::vector<colmap::image_t> image_ids;
+  for (int i = 0; i < index.Size(); ++i) {
+    if (parts[i] == 0) image_ids.push_back(index.IdOf(i));
+  }
+  return image_ids;
+}
+
+// Relative error of a pair's translation, of the order of a network's [1].
+// Short baselines err as the median one does: what a false pair of look-alike
+// places claims is often that it has none.
+constexpr double kTranslationStddevRatio = 0.1;
+
+std::vector<RelativeTranslation> MetricTranslations(
+    const ImageIndex& index,
+    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
+    const ImageScales& scales,
+    const ImageIndex& scaled_index,
+    const std::vector<IndexedPair>& scaled_pairs) {
+  std::vector<RelativeTranslation> translations;
+  std::vector<double> lengths;
+  for (const IndexedPair& indexed : scaled_pairs) {
+    const colmap::image_t image_id1 = scaled_index.IdOf(indexed.image1);
+    const colmap::image_t image_id2 = scaled_index.IdOf(indexed.image2);
+    RelativeTranslation relative;
+    relative.node1 = indexed.image1;
+    relative.node2 = indexed.image2;
+    relative.translation =
+        -scales.at(image_id1) *
+        (cam_from_world_rotations[index.Of(image_id2)].conjugate() *
+         indexed.pair->cam2_from_cam1.translation);
+    translations.push_back(relative);
+    lengths.push_back(relative.translation.norm());
+  }
+  if (lengths.empty()) return translations;
+  const double median = std::max(Median(lengths), 1e-12);
+  for (RelativeTranslation& relative : translations) {
+    relative.stddev =
+        kTranslationStddevRatio * std::max(relative.translation.norm(), median);
+  }
+  return translations;
+}
+
+}  // namespace
+
+bool ComponentAveragingOptions::IsValid(std::string* error) const {
+  return rotation_averaging.IsValid(error) && scale_averaging.IsValid(error) &&
+         CheckOption(num_rotation_averaging_rounds >= 1,
+                     "num_rotation_averaging_rounds must be >= 1",
+                     num_rotation_averaging_rounds,
+                     error) &&
+         CheckOption(max_rotation_error_deg > 0,
+                     "max_rotation_error_deg must be > 0",
+                     max_rotation_error_deg,
+                     error) &&
+         CheckOption(max_log_scale_error > 0,
+                     "max_log_scale_error must be > 0",
+                     max_log_scale_error,
+                     error) &&
+         translation_averaging.IsValid(error) &&
+         CheckOption(max_translation_error_ratio > 0,
+                     "max_translation_error_ratio must be > 0",
+                     max_translation_error_ratio,
+                     error) &&
+         CheckOption(max_translation_error_factor >= 1,
+                     "max_translation_error_factor must be >= 1",
+                     max_translation_error_factor,
+                     error);
+}
+
+std::optional<ComponentRotations> AverageComponentRotations(
+    const ComponentAveragingOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    const std::vector<colmap::image_t>& image_ids,
+    PairGeometries* pairs) {
+  ComponentRotations rotations;
+  rotations.image_ids = image_ids;
+  for (int round = 0; round < options.num_rotation_averaging_rounds; ++round) {
+    const ImageIndex index(rotations.image_ids);
+    const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
+    std::optional<RotationAverage> average =
+        round == 0 ? FindBestAverage(
+                         options, scene, depths, index, valid_pairs, *pairs)
+                   : AverageRotationsKeeping(
+                         options,
+                         index,
+                         valid_pairs,
+                         std::vector<double>(valid_pairs.size(), 1),
+                         std::move(rotations.cam_from_world));
+    if (!average) return std::nullopt;
+    rotations.cam_from_world = std::move(average->cam_from_world);
+    std::vector<GraphEdge> edges;
+    for (size_t i = 0; i < valid_pairs.size(); ++i) {
+      if (average->is_outlier[i]) {
+        valid_pairs[i].pair->status = PairStatus::ROTATION_OUTLIER;
+        ++rotations.num_pairs_filtered;
+      } else {
+        edges.emplace_back(valid_pairs[i].image1, valid_pairs[i].image2);
+      }
+    }
+    KeepLargestPart(index, edges, &rotations);
+  }
+  return rotations;
+}
+
+ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
+                                       bool skip,
+                                       const ImageIndex& index,
+                                       PairGeometries* pairs) {
+  const ImageIndex scaled_index(LargestScaledPart(index, pairs));
+  std::vector<IndexedPair> scaled_pairs = ScaledPairs(scaled_index, pairs);
+  std::vector<RelativeLogScale> ratios;
+  for (const IndexedPair& indexed : scaled_pairs) {
+    ratios.push_back({indexed.image1,
+                      indexed.image2,
+                      std::log(indexed.pair->scale_1_from_2)});
+  }
+  ComponentScales result;
+  result.num_pairs = ratios.size();
+  if (ratios.empty()) return result;
+  std::vector<double> log_scales(scaled_index.Size(), 0.0);
+  if (!skip) {
+    if (!AverageScales(scaled_index.Size(),
+                       ratios,
+                       /*fixed_node=*/0,
+                       options.scale_averaging,
+                       &log_scales)) {
+      LOG(WARNING) << "Scale averaging failed: images keep scale one";
+    }
+    for (size_t i = 0; i < ratios.size(); ++i) {
+      const double error = log_scales[ratios[i].node2] -
+                           log_scales[ratios[i].node1] - ratios[i].log_ratio;
+      if (std::abs(error) <= options.max_log_scale_error) continue;
+      scaled_pairs[i].pair->DropScale();
+      ++result.num_outliers;
+    }
+  }
+  const double median = Median(log_scales);
+  // Images that only outliers linked have no scale.
+  for (const colmap::image_t image_id :
+       LargestScaledPart(scaled_index, pairs)) {
+    result.scales[image_id] =
+        std::exp(log_scales[scaled_index.Of(image_id)] - median);
+  }
+  return result;
+}
+
+ComponentTranslations AverageComponentTranslations(
+    const ComponentAveragingOptions& options,
+    const ImageIndex& index,
+    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
+    const ImageScales& scales,
+    PairGeometries* pairs) {
+  std::vector<colmap::image_t> image_ids;
+  for (const auto& [image_id, scale] : scales) image_ids.push_back(image_id);
+  const ImageIndex scaled_index(image_ids);
+  const std::vector<IndexedPair> scaled_pairs =
+      ScaledPairs(scaled_index, pairs);
+  const std::vector<RelativeTranslation> translations = MetricTranslations(
+      index, cam_from_world_rotations, scales, scaled_index, scaled_pairs);
+  ComponentTranslations result;
+  if (translations.empty()) return result;
+  std::vector<Eigen::Vector3d> centers;
+  if (!AverageTranslations(scaled_index.Size(),
+                           translations,
+                           /*fixed_node=*/0,
+                           options.translation_averaging,
+                           &centers)) {
+    LOG(WARNING) << "Translation averaging failed: no pair is filtered by it";
+    return result;
+  }
+  for (int i = 0; i < scaled_index.Size(); ++i) {
+    result.centers[scaled_index.IdOf(i)] = centers[i];
+  }
+  const std::vector<double> errors = TranslationErrors(translations, centers);
+  const double max_error =
+      std::max(options.max_translation_error_ratio / kTranslationStddevRatio,
+               options.max_translation_error_factor * Median(errors));
+  for (size_t i = 0; i < errors.size(); ++i) {
+    if (errors[i] <= max_error) continue;
+    scaled_pairs[i].pair->status = PairStatus::TRANSLATION_OUTLIER;
+    ++result.num_pairs_filtered;
+  }
+  return result;
+}
+
+}  // namespace dgsfm

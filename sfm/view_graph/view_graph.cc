@@ -1,0 +1,163 @@
+#include "sfm/view_graph/view_graph.h"
+
+#include "colmap_ext/check.h"
+#include "estimators/averaging/graph.h"
+#include "estimators/option_check.h"
+
+#include <algorithm>
+#include <numeric>
+#include <set>
+
+namespace dgsfm {
+
+namespace {
+
+std::vector<colmap::image_t> ImagesOfValidPairs(const PairGeometries& pairs) {
+  std::set<colmap::image_t> image_ids;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    image_ids.insert(image_id1);
+    image_ids.insert(image_id2);
+  }
+  return {image_ids.begin(), image_ids.end()};
+}
+
+// Marks edges to keep so that the kept ones connect what all of them connect,
+// adding dropped edges back by decreasing value.
+void KeepConnected(int num_nodes,
+                   const std::vector<GraphEdge>& edges,
+                   const std::vector<double>& values,
+                   std::vector<char>* keep) {
+  std::vector<double> weights(edges.size());
+  for (size_t i = 0; i < edges.size(); ++i) {
+    // Kept edges first, so that the tree takes dropped ones only as bridges.
+    weights[i] = (*keep)[i] ? 2 + values[i] : values[i];
+  }
+  const std::vector<int> components = ConnectedComponents(num_nodes, edges);
+  std::vector<char> done(num_nodes, 0);
+  for (int node = 0; node < num_nodes; ++node) {
+    if (done[components[node]]) continue;
+    done[components[node]] = 1;
+    const SpanningTree tree =
+        MaximumSpanningTree(num_nodes, edges, weights, node);
+    for (const int edge : tree.parent_edges) {
+      if (edge >= 0) (*keep)[edge] = 1;
+    }
+  }
+}
+
+}  // namespace
+
+bool ViewGraphFilterOptions::IsValid(std::string* error) const {
+  return CheckOption(min_pair_score >= 0 && min_pair_score <= 1,
+                     "min_pair_score must be in [0, 1]",
+                     min_pair_score,
+                     error) &&
+         CheckOption(min_triplet_support >= 0 && min_triplet_support <= 1,
+                     "min_triplet_support must be in [0, 1]",
+                     min_triplet_support,
+                     error);
+}
+
+PairTotals CountPairs(const PairGeometries& pairs) {
+  PairTotals totals;
+  for (const auto& [pair_id, pair] : pairs) {
+    totals.Add(pair.status, pair.degeneracies, 1);
+  }
+  return totals;
+}
+
+size_t FilterByPairScore(const PairScores& scores,
+                         const ViewGraphFilterOptions& options,
+                         PairGeometries* pairs) {
+  size_t num_filtered = 0;
+  for (auto& [pair_id, pair] : *pairs) {
+    const auto it = scores.find(pair_id);
+    if (pair.status != PairStatus::VALID || it == scores.end() ||
+        it->second > options.min_pair_score) {
+      continue;
+    }
+    pair.status = PairStatus::LOW_PAIR_SCORE;
+    ++num_filtered;
+  }
+  return num_filtered;
+}
+
+size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
+                              PairGeometries* pairs) {
+  const ImageIndex index(ImagesOfValidPairs(*pairs));
+  const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
+  std::vector<GraphEdge> edges;
+  std::vector<double> counts;
+  for (const IndexedPair& indexed : valid_pairs) {
+    edges.emplace_back(indexed.image1, indexed.image2);
+    counts.push_back(double(indexed.pair->inlier_matches.size()));
+  }
+  const std::vector<double> support =
+      TripletSupport(index.Size(), edges, counts);
+  std::vector<char> keep(edges.size());
+  for (size_t i = 0; i < edges.size(); ++i) {
+    // Edges in no triplet (support -1) have no evidence against them.
+    keep[i] = support[i] < 0 || support[i] > options.min_triplet_support;
+  }
+  if (options.keep_connected) {
+    KeepConnected(index.Size(), edges, support, &keep);
+  }
+  size_t num_filtered = 0;
+  for (size_t i = 0; i < edges.size(); ++i) {
+    if (keep[i]) continue;
+    valid_pairs[i].pair->status = PairStatus::LOW_TRIPLET_SUPPORT;
+    ++num_filtered;
+  }
+  return num_filtered;
+}
+
+std::vector<std::vector<colmap::image_t>> ConnectedImages(
+    const PairGeometries& pairs) {
+  const ImageIndex index(ImagesOfValidPairs(pairs));
+  std::vector<GraphEdge> edges;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    edges.emplace_back(index.Of(image_id1), index.Of(image_id2));
+  }
+  const std::vector<int> components = ConnectedComponents(index.Size(), edges);
+  std::vector<std::vector<colmap::image_t>> images;
+  for (int i = 0; i < index.Size(); ++i) {
+    if (size_t(components[i]) >= images.size()) {
+      images.resize(components[i] + 1);
+    }
+    images[components[i]].push_back(index.IdOf(i));
+  }
+  return images;
+}
+
+ImageIndex::ImageIndex(const std::vector<colmap::image_t>& image_ids)
+    : image_ids_(image_ids) {
+  DGSFM_CHECK(std::is_sorted(image_ids_.begin(), image_ids_.end()));
+}
+
+int ImageIndex::Of(colmap::image_t image_id) const {
+  const auto it =
+      std::lower_bound(image_ids_.begin(), image_ids_.end(), image_id);
+  if (it == image_ids_.end() || *it != image_id) return -1;
+  return int(it - image_ids_.begin());
+}
+
+std::vector<IndexedPair> ValidPairs(const ImageIndex& index,
+                                    PairGeometries* pairs) {
+  std::vector<IndexedPair> valid_pairs;
+  for (auto& [pair_id, pair] : *pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const int image1 = index.Of(image_id1);
+    const int image2 = index.Of(image_id2);
+    if (image1 >= 0 && image2 >= 0) {
+      valid_pairs.push_back({image1, image2, &pair});
+    }
+  }
+  return valid_pairs;
+}
+
+}  // namespace dgsfm

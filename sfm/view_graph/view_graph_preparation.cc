@@ -1,0 +1,209 @@
+#include "sfm/view_graph/view_graph_preparation.h"
+
+#include "sfm/intrinsics/prior_trust.h"
+#include "sfm/verification/depth_reliability.h"
+#include "sfm/verification/static_background.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Share of maps that contradict their pairs beyond which something common to
+// all is wrong.
+constexpr double kMaxUnreliableShare = 0.3;
+// Distance between key points at rest [largest epipolar error of an inlier].
+constexpr double kMaxMotion = 3;
+// Share of valid pairs that see one plane beyond which a warning is due.
+constexpr double kMaxPlanarShare = 0.8;
+
+// Whether the focal lengths of a pair may be far off: without depth, or where
+// its matches leave them open. The others gain nothing from averaged ones.
+bool LacksFocals(const PairGeometry& pair) {
+  return !pair.has_scale || pair.Has(PairDegeneracy::WEAK_FOCAL1) ||
+         pair.Has(PairDegeneracy::WEAK_FOCAL2);
+}
+
+void VerifyAgain(const PairVerificationOptions& verification,
+                 const std::vector<colmap::image_pair_t>& pair_ids,
+                 const Scene& scene,
+                 const KeypointDepthMap& depths,
+                 PairGeometries* pairs) {
+  std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
+  for (const colmap::image_pair_t pair_id : pair_ids) {
+    matches[pair_id] = scene.matches.at(pair_id);
+  }
+  for (auto& [pair_id, pair] :
+       VerifyPairs(scene, matches, depths, verification)) {
+    pairs->at(pair_id) = std::move(pair);
+  }
+}
+
+}  // namespace
+
+void DropStaticBackground(const DepthGlobalMapperOptions& options,
+                          const PairVerificationOptions& verification,
+                          const KeypointDepthMap& depths,
+                          Scene* scene,
+                          PairGeometries* pairs,
+                          MappingLog* log) {
+  if (options.skip_static_background) return;
+  const std::vector<StaticKeypoints> groups = FindStaticKeypoints(
+      *scene, *pairs, kMaxMotion * verification.two_view.max_epipolar_error_px);
+  if (groups.empty()) return;
+  StageTimer timer("static_background");
+  const size_t num_stationary =
+      CountPairs(*pairs).num_with_status[PairStatus::STATIONARY];
+  size_t num_groups = 0;
+  for (const StaticKeypoints& keypoints : groups) {
+    auto matches = MatchesThatMove(*scene, keypoints);
+    PairGeometries moving = VerifyPairs(*scene, matches, depths, verification);
+    PairGeometries replaced;
+    for (const auto& [pair_id, pair] : moving) {
+      replaced[pair_id] = pairs->at(pair_id);
+    }
+    if (CountMovingPairs(moving) <= CountMovingPairs(replaced)) continue;
+    ++num_groups;
+    for (auto& [pair_id, pair] : moving) {
+      scene->matches[pair_id] = std::move(matches.at(pair_id));
+      pairs->at(pair_id) = std::move(pair);
+    }
+  }
+  timer.Add("groups", double(num_groups)).Add(CountPairs(*pairs));
+  timer.Finish(&log->stages);
+  if (num_groups == 0) return;
+  log->Warn(std::to_string(num_stationary) + " of " +
+            std::to_string(pairs->size()) +
+            " pairs are stationary: most of their key points stay at their "
+            "place, as those of a background behind a turntable, and are left "
+            "out. Mask the background to be safe (--ImageReader.mask_path)");
+}
+
+void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
+                          const PairVerificationOptions& verification,
+                          const Scene& scene,
+                          KeypointDepthMap* depths,
+                          PairGeometries* pairs,
+                          MappingLog* log) {
+  if (options.skip_depth_reliability) return;
+  StageTimer timer("depth_reliability");
+  const std::vector<colmap::image_t> image_ids = FindUnreliableDepths(*pairs);
+  for (const colmap::image_t image_id : image_ids) {
+    LOG(WARNING) << "The depth map of image '"
+                 << scene.images.at(image_id).Name()
+                 << "' contradicts its matches and is not used";
+    depths->erase(image_id);
+  }
+  if (double(image_ids.size()) >
+      kMaxUnreliableShare * double(image_ids.size() + depths->size())) {
+    log->Warn(std::to_string(image_ids.size()) +
+              " depth maps contradict the matches and are not used: check that "
+              "they belong to the images (orientation, cropping), and that the "
+              "camera model fits the lens");
+  }
+  const auto is_unreliable = [&](colmap::image_t image_id) {
+    return std::binary_search(image_ids.begin(), image_ids.end(), image_id);
+  };
+  std::vector<colmap::image_pair_t> affected;
+  for (const auto& [pair_id, matches] : scene.matches) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (is_unreliable(image_id1) || is_unreliable(image_id2)) {
+      affected.push_back(pair_id);
+    }
+  }
+  VerifyAgain(verification, affected, scene, *depths, pairs);
+  timer.Add("maps_dropped", double(image_ids.size()))
+      .Add("pairs_verified", double(affected.size()));
+  if (!image_ids.empty()) timer.Add(CountPairs(*pairs));
+  timer.Finish(&log->stages);
+}
+
+void FilterPairs(const DepthGlobalMapperOptions& options,
+                 const PairScores& pair_scores,
+                 PairGeometries* pairs,
+                 MappingLog* log) {
+  StageTimer timer("view_graph_filter");
+  if (!options.skip_pair_scores) {
+    FilterByPairScore(pair_scores, options.view_graph, pairs);
+  }
+  if (options.view_graph.min_triplet_support > 0) {
+    FilterByTripletSupport(options.view_graph, pairs);
+  }
+  timer.Add(CountPairs(*pairs));
+  timer.Finish(&log->stages);
+}
+
+std::map<colmap::camera_t, CameraFocal> AverageFocals(
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
+    const KeypointDepthMap& depths,
+    Scene* scene,
+    PairGeometries* pairs,
+    MappingLog* log) {
+  if (options.skip_focal_averaging) return {};
+  StageTimer timer("focal_averaging");
+  const auto focals = AverageFocalsOfCameras(*pairs,
+                                             depths,
+                                             options.view_graph_calibration,
+                                             options.TiesCameras(),
+                                             scene);
+  std::map<FocalSource, size_t> num_cameras;
+  for (const auto& [camera_id, focal] : focals) ++num_cameras[focal.source];
+  for (const auto& [source, count] : num_cameras) {
+    timer.Add(FocalSourceName(source), double(count));
+  }
+  timer.Finish(&log->stages);
+
+  if (options.skip_reverification ||
+      num_cameras[FocalSource::PRIOR] == focals.size()) {
+    return focals;
+  }
+  StageTimer reverification("reverification");
+  std::vector<colmap::image_pair_t> uncertain;
+  for (const auto& [pair_id, pair] : *pairs) {
+    if (pair.status == PairStatus::VALID && LacksFocals(pair)) {
+      uncertain.push_back(pair_id);
+    }
+  }
+  // Averages count as known for this verification alone.
+  const CameraMap averaged_cameras = scene->cameras;
+  for (auto& [camera_id, camera] : scene->cameras) {
+    camera.SetPriorFocalLength(true);
+  }
+  VerifyAgain(verification, uncertain, *scene, depths, pairs);
+  scene->cameras = averaged_cameras;
+  reverification.Add("pairs_verified", double(uncertain.size()))
+      .Add(CountPairs(*pairs));
+  reverification.Finish(&log->stages);
+  return focals;
+}
+
+void WarnOfPlanes(const Scene& scene,
+                  const PairGeometries& pairs,
+                  MappingLog* log) {
+  size_t num_valid = 0, num_planar = 0;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (pair.status != PairStatus::VALID) continue;
+    ++num_valid;
+    num_planar += pair.Has(PairDegeneracy::PLANAR);
+  }
+  const bool are_known = std::all_of(
+      scene.cameras.begin(), scene.cameras.end(), [&](const auto& camera) {
+        return camera.second.HasPriorFocalLength() ||
+               FocalPriorOf(scene, camera.first).Exists();
+      });
+  if (are_known || double(num_planar) <= kMaxPlanarShare * double(num_valid)) {
+    return;
+  }
+  log->Warn(std::to_string(num_planar) + " of " + std::to_string(num_valid) +
+            " valid pairs see one plane only, which leaves unknown focal "
+            "lengths open: focal lengths and heights may be wrong. Give focal "
+            "lengths (EXIF data, or --ImageReader.camera_params and a prior), "
+            "or add tilted views");
+}
+
+}  // namespace dgsfm
