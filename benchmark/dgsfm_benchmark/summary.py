@@ -307,18 +307,31 @@ def overview_table(results: Results) -> list[str]:
         return []
     records = records_of(results, "real_photos")
     thresholds = result["thresholds_deg"]
-    columns = [
-        _RoleColumn(of_role(records, role), role, thresholds, i)
-        for role in tables.roles_of(records)
-        for i in sorted({0, main_threshold(thresholds)})
+    columns: list[_RoleColumn | _ScaleColumn] = []
+    for role in tables.roles_of(records):
+        own = of_role(records, role)
+        columns += [
+            _RoleColumn(own, role, thresholds, i)
+            for i in sorted({0, main_threshold(thresholds)})
+        ]
+        columns.append(_ScaleColumn(own, role))
+    rows = [
+        [engine, *(column.cell(engine) for column in columns)]
+        for engine in engines_of(result)
     ]
-    rows = []
-    for engine in engines_of(result):
-        errors = scene_means(of_engine(records, engine), scale_error)
-        scale = f"{np.median(list(errors.values())):.1f} %" if errors else ""
-        rows.append([engine, *(c.cell(engine) for c in columns), scale])
-    header = ["engine", *(c.title for c in columns), "median scale error"]
-    return tables.markdown(header, rows)
+    return tables.markdown(["engine", *(c.title for c in columns)], rows)
+
+
+class _ScaleColumn:
+    """Median errors of the unit over scenes of a role."""
+
+    def __init__(self, records, role):
+        self._records = records
+        self.title = f"{role}: scale error"
+
+    def cell(self, engine: str) -> str:
+        errors = scene_means(of_engine(self._records, engine), scale_error)
+        return f"{np.median(list(errors.values())):.1f} %" if errors else ""
 
 
 def _complete_engines(records: list[Record]) -> list[str]:
