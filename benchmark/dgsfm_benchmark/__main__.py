@@ -15,7 +15,7 @@ from .compare import METHOD, compare
 from .errors import BenchmarkError
 from .experiment import PROJECT, read_experiment
 from .runner import Settings, run_experiment
-from .storage import definition
+from .storage import EXPERIMENTS, definition
 
 
 def main() -> int:
@@ -120,7 +120,7 @@ def _run(arguments) -> None:
     for name in names:
         path = Path(name)
         if path.suffix != ".toml":
-            path = page.EXPERIMENTS / f"{name}.toml"
+            path = EXPERIMENTS / f"{name}.toml"
         experiment = read_experiment(path)
         records = run_experiment(experiment, settings)
         results[experiment.name] = {

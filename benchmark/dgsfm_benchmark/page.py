@@ -17,13 +17,7 @@ from .experiment import PROJECT
 from .files import write_text
 from .paper import paper_lines
 from .statistics import Record
-from .storage import (  # noqa: F401
-    EXPERIMENTS,
-    RUNS,
-    described,
-    read_runs,
-    store_runs,
-)
+from .storage import RUNS, described, read_runs, store_runs  # noqa: F401
 from .summary import NO_DEPTH, Results, engines_of
 
 PAGE = PROJECT / "docs" / "results.md"
@@ -134,9 +128,12 @@ def _overview(results: Results) -> str:
     lines = ["# Results", "", _WRITTEN, ""]
     lines += [*summary.sentences(results), ""]
     lines += [*block("overview", summary.overview_table(results)), ""]
-    lines += [summary.WHAT_IS_EMULATED + " Constants of the program may be "
-              "fitted on sets of role “fit”; those of role “report” are only "
-              "looked at. n: scenes.", ""]  # fmt: skip
+    lines += summary.wrapped(
+        summary.WHAT_IS_EMULATED + " Constants of the program may be fitted on "
+        "sets of role “fit”; those of role “report” are only looked at. n is "
+        "the number of scenes whose truth bears the threshold."
+    )
+    lines.append("")
     lines += [
         f"![{title}](results/{name}.svg)"
         for name, title in _OVERVIEW_PLOTS
@@ -162,16 +159,18 @@ def _experiment_page(name: str, result: dict) -> list[str]:
     lines = [
         f"# {result['title']}",
         "",
-        f"{_WRITTEN} The runs are in [{name}.json]({name}.json), made on "
-        f"{result['date']} by `{result['command']}` at commit "
-        f"{result.get('commit', 'unknown')}, {result['machine']}, "
-        f"{result['jobs']} at a time with {result.get('threads', 1)} "
-        f"thread(s) each, seeds {seeds}.",
+        *summary.wrapped(
+            f"{_WRITTEN} The runs are in [{name}.json]({name}.json), made on "
+            f"{result['date']} by `{result['command']}` at commit "
+            f"{result.get('commit', 'unknown')}, {result['machine']}, "
+            f"{result['jobs']} at a time with {result.get('threads', 1)} "
+            f"thread(s) each, seeds {seeds}."
+        ),
         "",
     ]
     if result.get("text"):
         lines += [result["text"], ""]
-    lines += [_FIGURES, "", compare.METHOD, ""]
+    lines += [_FIGURES, "", *summary.wrapped(compare.METHOD), ""]
     if result.get("plot"):
         lines += [f"![{result['title']}]({name}.svg)", ""]
         lines += _plot_notes(result)
@@ -289,11 +288,14 @@ def _ablation_tables(result):
     reference = result["reference"]
     switches = [e for e in engines_of(result) if e != reference]
     lines = [
-        f"Each row is “{reference}” with one thing changed; changes are against "
-        f"“{reference}”. Worth: on how many scenes, subsets counted as such, "
-        f"“{reference}” is better or worse by more than the noise of seeds (95 "
-        f"%, {tables.MIN_CHANGE} points at least), of all, at the finest AUC "
-        "that the truth bears. Mean, worst case and verdict are over scenes.",
+        *summary.wrapped(
+            f"Each row is “{reference}” with one thing changed, and changes "
+            f"are against “{reference}”. Worth: on how many scenes, subsets "
+            f"counted as such, “{reference}” is better or worse by more than "
+            f"the noise of seeds (95 %, {tables.MIN_CHANGE} points at least), "
+            "of all, at the finest AUC that the truth bears. Mean, worst case "
+            "and verdict are over scenes; time is the geometric mean of ratios."
+        ),
         "",
     ]
     for role in tables.roles_of(records):
@@ -310,8 +312,11 @@ def _ablation_tables(result):
     lines += [
         "## Worth nothing anywhere",
         "",
-        "Switches that change no AUC of any scene by more than the noise of "
-        "seeds:",
+        *summary.wrapped(
+            "Switches that change neither an AUC nor the scale error of any "
+            "scene by more than the noise of seeds "
+            f"({tables.MIN_CHANGE} at least):"
+        ),
         "",
     ]
     lines += [f"- {name}" for name in found] or ["None."]

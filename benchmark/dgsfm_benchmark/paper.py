@@ -217,10 +217,8 @@ def _pose_lines(table: Table, results: Results) -> list[str]:
         ]
         for row in table.rows
     ]
-    header = [
-        "method of the paper", "key points", f"paper: {_at(table.thresholds_deg)}",
-        "here",
-    ]  # fmt: skip
+    figures = f"paper: {_at(table.thresholds_deg)}"
+    header = ["method of the paper", "key points", figures, "here"]
     return [f"## {table.title}", "", *tables.markdown(header, rows), ""]
 
 
@@ -259,8 +257,8 @@ def _module_lines(results: Results) -> list[str]:
         "",
         "The paper: ETH3D, LoMa-B. Here: other sets, with SIFT and the depth "
         "that [the ablation](ablation.md) names, mostly emulated strong depth; "
-        "differences can be compared, figures cannot. Here nothing scores pairs "
-        "as Doppelgangers++ does, and triplets prune by another rule.",
+        "differences can be compared, figures cannot. “No pair scores” counts "
+        "only where a set has scores of Doppelgangers++.",
         "",
         *tables.markdown(
             [

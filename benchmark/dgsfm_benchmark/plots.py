@@ -126,7 +126,8 @@ def _plot_depth_gain(name, result):
             color = f"C{k + 1}"
             axis.plot([place] * len(gains), gains, ".", color=color, alpha=0.5)
             mean = np.mean(gains) if gains else np.nan
-            axis.plot([place], [mean], "_", ms=14, mew=2, color=color, label=label)
+            style = {"markersize": 14, "markeredgewidth": 2, "color": color}
+            axis.plot([place], [mean], "_", label=label, **style)
     axis.axhline(0, color="black", linewidth=0.8)
     labels = [label.replace(", ", ",\n") for label, _ in groups]
     axis.set_xticks(range(len(groups)), labels, rotation=30, ha="right")

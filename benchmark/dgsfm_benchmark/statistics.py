@@ -237,11 +237,11 @@ def run_difference(
     variants of a scene. Raises ValueError if nothing can be paired."""
     a = seed_values(records_a, value)
     b = seed_values(records_b, value)
-    pairs = {
-        variant: sorted(set(a[variant]) & set(b[variant]))
-        for variant in set(a) & set(b)
-    }
-    pairs = {variant: seeds for variant, seeds in sorted(pairs.items()) if seeds}
+    pairs = {}
+    for variant in sorted(set(a) & set(b)):
+        seeds = sorted(set(a[variant]) & set(b[variant]))
+        if seeds:
+            pairs[variant] = seeds
 
     def means(values):
         return _scene_means(

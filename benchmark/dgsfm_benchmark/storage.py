@@ -57,9 +57,11 @@ _METRICS = {
     "mean_track_length": 2,
 }
 _USAGE = {"seconds": -3, "cpu_seconds": -3, "peak_memory_mb": 0}
-# An ablation has by far the most runs, and its page no use for the rest.
-_ABLATION_COLUMNS = {
-    "auc", "num_registered", "scale_error", "seconds", "reason",
+# An ablation has by far the most runs, and its page no use for the rest; so
+# have sweeps of synthetic scenes.
+_ABLATION_COLUMNS = {"auc", "scale_error", "seconds", "reason"}
+_NOT_OF_SWEEPS = {
+    "cpu_seconds", "num_points", "mean_track_length", "colmap_auc",
 }  # fmt: skip
 
 
@@ -253,12 +255,10 @@ def _long_stages(stages: dict) -> dict | None:
 def pack(name: str, result: dict) -> str:
     """A described result as the text of its file."""
     records = result["records"]
-    is_ablation = (result.get("plot") or {}).get("kind") == "ablation"
     columns = [
         column
-        for column in _COLUMNS
-        if not (is_ablation and column.name not in _ABLATION_COLUMNS)
-        and any(column.value(record) is not None for record in records)
+        for column in _wanted_columns(result)
+        if any(column.value(record) is not None for record in records)
     ]
     head = {
         "experiment": name,
@@ -272,17 +272,25 @@ def pack(name: str, result: dict) -> str:
     }
     lines = [f"{_json(key)}:{_json(value)}," for key, value in head.items()]
     scenes = _group(records, lambda r: f"{r['dataset']}/{r['scene']}")
-    lines += ['"scenes":{', *_joined(_scene_line(s, r) for s, r in scenes), "},"]
-    lines += ['"runs":{', *_joined(_run_lines(s, r, columns) for s, r in scenes)]
+    facts = [_scene_line(key, runs) for key, runs in scenes]
+    runs = [_run_lines(key, runs, columns) for key, runs in scenes]
+    lines += ['"scenes":{', *_joined(facts), "},", '"runs":{', *_joined(runs)]
     return "{\n" + "\n".join(lines) + "\n}\n}\n"
+
+
+def _wanted_columns(result: dict) -> list[_Column]:
+    if (result.get("plot") or {}).get("kind") == "ablation":
+        return [c for c in _COLUMNS if c.name in _ABLATION_COLUMNS]
+    if any(d.get("layout") == "synthetic" for d in result.get("datasets", [])):
+        return [c for c in _COLUMNS if c.name not in _NOT_OF_SWEEPS]
+    return list(_COLUMNS)
 
 
 def _json(value: object) -> str:
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False)
 
 
-def _joined(parts) -> list[str]:
-    parts = list(parts)
+def _joined(parts: list[str]) -> list[str]:
     return [part + "," for part in parts[:-1]] + parts[-1:]
 
 
@@ -295,13 +303,18 @@ def _group(records, key) -> list[tuple[str, list[dict]]]:
 
 def _scene_line(key: str, records: list[dict]) -> str:
     first = records[0]
-    values = {"dataset": first["dataset"], "scene": first["scene"]}
-    values["depths"] = sorted({r["depth"] for r in records})
+    values = {"depths": sorted({r["depth"] for r in records})}
     images = [r.get("metrics", {}).get("num_images") for r in records]
     values["num_images"] = next((n for n in images if n is not None), None)
     for name, default in _SCENE_DEFAULTS.items():
         if name == "role" or first[name] != default:
             values[name] = first[name]
+    if "parameters" in values:
+        values["parameters"] = {
+            name: value
+            for name, value in first["parameters"].items()
+            if value not in (None, False)
+        }
     return f"{_json(key)}:{_json(values)}"
 
 
@@ -332,24 +345,25 @@ def _unpack(values: dict) -> dict:
     }
     specs = {spec["name"]: spec for spec in values["engines"]}
     for key, engines in values["runs"].items():
-        scene = {**_SCENE_DEFAULTS, **values["scenes"][key]}
+        facts = {**_SCENE_DEFAULTS, **values["scenes"][key]}
+        dataset, _, scene = key.partition("/")
         for engine, runs in engines.items():
-            depth = _depth_kind(specs.get(engine, {}), scene["depths"])
+            depth = _depth_kind(specs.get(engine, {}), facts["depths"])
             for seed, cells in runs.items():
                 record = _unpack_run(dict(zip(values["columns"], cells)))
-                if scene["num_images"] is not None:
-                    record["metrics"]["num_images"] = scene["num_images"]
+                if facts["num_images"] is not None:
+                    record["metrics"]["num_images"] = facts["num_images"]
                 result["records"].append(
                     {
                         "experiment": values["experiment"],
-                        "dataset": scene["dataset"],
-                        "scene": scene["scene"],
+                        "dataset": dataset,
+                        "scene": scene,
                         "engine": engine,
                         "seed": int(seed),
                         "depth": depth,
                         "uses_depth": depth != "none",
                         "thresholds_deg": values["about"]["thresholds_deg"],
-                        **{name: scene[name] for name in _SCENE_DEFAULTS},
+                        **{name: facts[name] for name in _SCENE_DEFAULTS},
                         **record,
                     }
                 )

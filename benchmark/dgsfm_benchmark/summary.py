@@ -3,6 +3,7 @@ the page, one for README.md. A sentence without runs is left out."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -28,6 +29,8 @@ EXPERT = "COLMAP, expert settings"
 _DEPTHS = ("small network", STRONG, "sensor depth")
 # Ablation switches that take self-calibration away, the widest first.
 _SELF_CALIBRATION = ("no self-calibration", "fixed principal points")
+# Points an image from which key points alone say enough.
+_RICH_TEXTURE = 500
 
 Results = dict[str, dict]
 
@@ -37,8 +40,8 @@ WHAT_IS_EMULATED = (
     "one, “sensor depth” that of RGB-D cameras, both real."
 )
 EXPERT_TEXT = (
-    "“COLMAP, expert settings” is COLMAP's global mapper in the hands of a user "
-    "who knows the set: one camera entry where one camera took all images, and "
+    "“COLMAP, expert settings” is COLMAP's global mapper in the hands of a "
+    "user who knows the set: one camera entry where one camera took all images, and "
     "free principal points in a last bundle adjustment."
 )
 
@@ -60,7 +63,9 @@ def engines_of(result: dict) -> list[str]:
 
 def _difference(records, a, b, value) -> Difference | None:
     try:
-        return run_difference(of_engine(records, a), of_engine(records, b), value)
+        return run_difference(
+            of_engine(records, a), of_engine(records, b), value
+        )
     except ValueError:
         return None
 
@@ -138,7 +143,7 @@ def calibration_sentence(results: Results) -> str:
     if not parts:
         return ""
     return (
-        "**Self-calibration**, on sets of unknown intrinsics: "
+        "**Self-calibration**, on photos of cameras that nobody calibrated: "
         + "; ".join(parts)
         + "."
     )
@@ -149,7 +154,9 @@ def _calibration_ablation(results: Results) -> list[str]:
     if not result:
         return []
     value = auc_at(result["thresholds_deg"], 0)
-    records = [r for r in result["records"] if not r["parameters"].get("family")]
+    records = [
+        r for r in result["records"] if not r["parameters"].get("family")
+    ]
     for switch in _SELF_CALIBRATION:
         loss = _changes(records, result["reference"], switch, value)
         if loss:
@@ -159,9 +166,9 @@ def _calibration_ablation(results: Results) -> list[str]:
 
 
 def depth_sentence(results: Results) -> str:
-    """What depth adds on full sets, and where little else speaks for the
-    poses."""
-    parts = []
+    """What each kind of depth adds on full sets, and where little else speaks
+    for the poses."""
+    gains: dict[str, list[str]] = {}
     for name in ("real_photos", "depth_decides"):
         result = results.get(name)
         if not result:
@@ -169,24 +176,39 @@ def depth_sentence(results: Results) -> str:
         value = auc_at(
             result["thresholds_deg"], main_threshold(result["thresholds_deg"])
         )
-        for label, records in depth_groups(name, records_of(results, name)):
-            gains = _gains_of_depths(records, value)
-            if gains:
-                parts.append(f"on {label} {gains}")
-    if not parts:
+        topics: dict[str, list[Record]] = {}
+        for record in records_of(results, name):
+            topics.setdefault(_topic(name, record), []).append(record)
+        for topic, records in topics.items():
+            for engine in _DEPTHS:
+                gain = _difference(records, NO_DEPTH, engine, value)
+                if gain:
+                    gains.setdefault(engine, []).append(
+                        f"{gain.mean:+.1f} on {topic} ({gain.num_scenes})"
+                    )
+    if not gains:
         return ""
-    return f"**Depth**, AUC@5 against no depth: {'; '.join(parts)}."
+    parts = [f"{engine} {_and(texts)}" for engine, texts in gains.items()]
+    return (
+        "**Depth**, mean change of AUC@5 against no depth (scenes): "
+        + "; ".join(parts)
+        + "."
+    )
 
 
-def _gains_of_depths(records: list[Record], value) -> str:
-    parts = []
-    for engine in _DEPTHS:
-        gain = _difference(records, NO_DEPTH, engine, value)
-        if gain:
-            parts.append(
-                f"{gain.mean:+.1f} ({engine}, {scenes(gain.num_scenes)})"
-            )
-    return _and(parts)
+def _topic(name: str, record: Record) -> str:
+    """Coarser than the groups of the plot: for a sentence."""
+    parameters = record.get("parameters", {})
+    number, _, unit = parameters.get("level", "").partition(" ")
+    if unit == "images":
+        return f"synthetic scenes of {number} images"
+    if unit == "points" and number.isdigit() and int(number) < _RICH_TEXTURE:
+        return "synthetic scenes of little texture"
+    if parameters.get("family"):
+        return "synthetic scenes"
+    if parameters.get("every", 1) > 1:
+        return "every second to fourth image"
+    return _hardness(name, record)
 
 
 def depth_groups(
@@ -256,7 +278,8 @@ def speed_sentence(results: Results) -> str:
                 + f" s ({engine})"
             )
         names = _and(sorted({variant_of(r)[1] for r in result["records"]}))
-        parts = [f"{names} take " + ", ".join(parts)]
+        threads = f"with {result.get('threads', 1)} thread(s)"
+        parts = [f"{threads} {names} take {', '.join(parts)}"]
     growth = _growth(results)
     if growth:
         parts.append(growth)
@@ -292,11 +315,24 @@ SENTENCES: tuple[Callable[[Results], str], ...] = (
 )
 
 
+def wrapped(text: str, indent: str = "") -> list[str]:
+    """A paragraph as lines of at most 80 characters."""
+    return textwrap.wrap(
+        text,
+        80,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
 def sentences(results: Results) -> list[str]:
     """The sentences that there are runs for, as a list."""
-    return [
-        f"- {text}" for text in (make(results) for make in SENTENCES) if text
-    ]
+    lines = []
+    for make in SENTENCES:
+        text = make(results)
+        lines += wrapped(f"- {text}", "  ") if text else []
+    return lines
 
 
 def overview_table(results: Results) -> list[str]:
@@ -432,19 +468,22 @@ def readme_lines(results: Results) -> list[str]:
     if EXPERT in engines_of(result):
         texts.append(EXPERT_TEXT)
     texts.append(
-        _colmap_version(result) + "Constants of the program may be fitted on sets of role “fit”; the "
+        _colmap_version(result)
+        + "Constants of the program may be fitted on sets of role “fit”; the "
         "others are only looked at. “-”: the truth does not bear the figure; "
         "empty: no such depth."
     )
     return [
-        f"Pairwise pose AUC at {pair} degrees on real photos, the same database "
-        "for all, means over seeds:",
+        *wrapped(
+            f"Pairwise pose AUC at {pair} degrees on real photos, the same "
+            "database for all, means over seeds:"
+        ),
         "",
         *readme_table(results),
         "",
-        " ".join(texts),
+        *wrapped(" ".join(texts)),
         "",
         *sentences(results),
         "",
-        provenance(results),
+        *wrapped(provenance(results)),
     ]

@@ -208,56 +208,80 @@ def difference_table(
     return markdown(header, rows) if rows else []
 
 
+# Columns of scenes that results may lack: name, metric, text.
+_OPTIONAL_COLUMNS = (
+    ("COLMAP's AUC@1 / 5", "colmap_auc", lambda runs: _colmap_aucs(runs)),
+    ("scale", "scale", lambda runs: _scale(runs)),
+    (
+        "points", "num_points",
+        lambda runs: summarize(runs, _metric("num_points")).text(0),
+    ),
+    (
+        "track length", "mean_track_length",
+        lambda runs: summarize(runs, _metric("mean_track_length")).text(2),
+    ),
+)  # fmt: skip
+
+
 def scene_table(
     records: list[Record], engines: Sequence[str], thresholds: Sequence[float]
 ) -> list[str]:
     """One row a scene and engine: means over seeds, ± what seeds differ by.
     Empty where the truth does not bear a figure."""
     repeatability = _RepeatabilityColumn(records)
+    optional = [
+        (title, text)
+        for title, name, text in _OPTIONAL_COLUMNS
+        if any(_metric(name)(r) is not None for r in records)
+    ]
+    header = [
+        "scene", "engine", "depth", "registered", "models",
+        *(f"AUC@{t:g}" for t in thresholds), *repeatability.header(),
+        *(title for title, _ in optional),
+    ]  # fmt: skip
     rows = []
     for variant in _unique(variant_of(r) for r in records):
         own = [r for r in records if variant_of(r) == variant]
         name = variant[1]
         for engine in engines:
             runs = of_engine(own, engine)
-            if runs:
-                rows.append(
-                    _scene_row(name, engine, runs, thresholds, repeatability)
-                )
-                name = ""
-    header = [
-        "scene", "engine", "depth", "registered", "models",
-        *(f"AUC@{t:g}" for t in thresholds), *repeatability.header(),
-        "COLMAP's AUC@1 / 5", "scale", "points", "track length",
-    ]  # fmt: skip
+            if not runs:
+                continue
+            cells = _scene_cells(engine, runs, thresholds, repeatability)
+            if runs_ok(runs):
+                cells += [text(runs) for _, text in optional]
+            blanks = [""] * (len(header) - 1 - len(cells))
+            rows.append([name, *cells, *blanks])
+            name = ""
     return markdown(header, rows)
 
 
-def _scene_row(scene, engine, runs, thresholds, repeatability):
+def runs_ok(runs: list[Record]) -> bool:
+    return any(r["status"] == "ok" for r in runs)
+
+
+def _scene_cells(engine, runs, thresholds, repeatability):
     depth = DEPTH_TITLES.get(runs[0].get("depth", ""), "")
-    if all(r["status"] != "ok" for r in runs):
+    if not runs_ok(runs):
         reasons = _unique(_short_reason(r["reason"]) for r in runs)
-        return [scene, engine, depth, "; ".join(reasons)] + [""] * (
-            len(thresholds) + len(repeatability.header()) + 5
-        )
-    scale = summarize(runs, _metric("scale"))
-    has_unit = runs[0].get("is_metric", True) and not np.isnan(scale.mean)
+        return [engine, depth, "; ".join(reasons)]
+    models = summarize(runs, _metric("num_models")).mean
     return [
-        scene,
         engine,
         depth,
         _registered(runs),
-        summarize(runs, _metric("num_models")).text(2).rstrip("0").rstrip("."),
+        f"{models:.3g}",
         *(
             summarize(runs, auc_at(thresholds, i)).text_with_spread()
             for i in range(len(thresholds))
         ),
         *repeatability.cells(engine, runs),
-        _colmap_aucs(runs),
-        f"{scale.mean:.3f}" if has_unit else "",
-        summarize(runs, _metric("num_points")).text(0),
-        summarize(runs, _metric("mean_track_length")).text(2),
     ]
+
+
+def _scale(runs):
+    scale = summarize(runs, _metric("scale")).text(3)
+    return scale if runs[0].get("is_metric", True) else ""
 
 
 def _registered(runs):
@@ -346,6 +370,8 @@ def ablation_table(
         *(f"change of AUC@{thresholds[i]:g}" for i in sorted({0, idx})),
         "largest loss, finest AUC",
         "worth: better / worse / all",
+        "change of scale error",
+        "time",
         f"AUC@{thresholds[idx]:g}",
     ]
     return markdown(header, rows)
@@ -356,7 +382,7 @@ def _ablation_row(name, runs, reference, thresholds):
     main = summarize(runs, auc_at(thresholds, idx))
     row = [name, main.text(), main.text_of_worst()]
     if not reference:
-        return row + [""] * (len({0, idx}) + 3)
+        return row + [""] * (len({0, idx}) + 5)
     for i in sorted({0, idx}):
         means = [
             scene_means(side, auc_at(thresholds, i))
@@ -378,8 +404,28 @@ def _ablation_row(name, runs, reference, thresholds):
         f"{worst.change:+.1f} ({worst.variant[1]})",
         f"{sum(c.sign < 0 for c in changes)} / "
         f"{sum(c.sign > 0 for c in changes)} / {len(changes)}",
+        _scale_change(reference, runs),
+        _time_ratio(reference, runs),
         verdict[-1] if verdict else "",
     ]
+
+
+def _scale_change(reference, runs):
+    means = [scene_means(side, scale_error) for side in (reference, runs)]
+    if not set(means[0]) & set(means[1]):
+        return ""
+    return f"{paired_difference(*means).mean:+.1f} %"
+
+
+def _time_ratio(reference, runs):
+    """Geometric mean over scenes."""
+    times = [
+        scene_means(side, lambda r: r.get("seconds"))
+        for side in (reference, runs)
+    ]
+    common = set(times[0]) & set(times[1])
+    logs = [np.log(times[1][s] / times[0][s]) for s in sorted(common)]
+    return f"x {np.exp(np.mean(logs)):.2f}" if logs else ""
 
 
 def worthless(
@@ -388,17 +434,17 @@ def worthless(
     reference: str,
     thresholds: Sequence[float],
 ) -> list[str]:
-    """Switches that change no AUC of any variant by more than seeds do."""
+    """Switches that change neither an AUC nor the unit of any variant by more
+    than seeds do."""
     own = of_engine(records, reference)
+    values = [auc_at(thresholds, i) for i in range(len(thresholds))]
     found = []
     for switch in switches:
         runs = of_engine(records, switch)
         changes = [
             change
-            for i in range(len(thresholds))
-            for change in variant_changes(
-                own, runs, auc_at(thresholds, i), MIN_CHANGE
-            )
+            for value in (*values, scale_error)
+            for change in variant_changes(own, runs, value, MIN_CHANGE)
         ]
         if changes and all(change.sign == 0 for change in changes):
             found.append(switch)
