@@ -294,7 +294,9 @@ def _ablation_tables(result):
             f"counted as such, “{reference}” is better or worse by more than "
             f"the noise of seeds (95 %, {tables.MIN_CHANGE} points at least), "
             "of all, at the finest AUC that the truth bears. Mean, worst case "
-            "and verdict are over scenes; time is the geometric mean of ratios."
+            "and verdict are over scenes; time is the geometric mean of ratios. "
+            "Each verdict is of its row alone: of twenty switches without any "
+            "effect one gets “higher” or “lower” by chance."
         ),
         "",
     ]
@@ -308,8 +310,26 @@ def _ablation_tables(result):
             *tables.ablation_changes(own, switches, reference, thresholds),
             "",
         ]
-    found = tables.worthless(records, switches, reference, thresholds)
-    lines += [
+    return [
+        *lines,
+        *_worthless_lines(result, switches),
+        "",
+        *_depth_kinds(records, reference),
+    ]
+
+
+def _worthless_lines(result: dict, switches: list[str]) -> list[str]:
+    arguments = (
+        result["records"], switches, result["reference"],
+        result["thresholds_deg"],
+    )  # fmt: skip
+    each = tables.worthless(*arguments)
+    more = [
+        name
+        for name in tables.worthless(*arguments, together=True)
+        if name not in each
+    ]
+    lines = [
         "## Worth nothing anywhere",
         "",
         *summary.wrapped(
@@ -318,9 +338,20 @@ def _ablation_tables(result):
             f"({tables.MIN_CHANGE} at least):"
         ),
         "",
+        *([f"- {name}" for name in each] or ["None."]),
     ]
-    lines += [f"- {name}" for name in found] or ["None."]
-    return [*lines, "", *_depth_kinds(records, reference)]
+    if more:
+        lines += [
+            "",
+            *summary.wrapped(
+                "Switches of which the same holds if noise is bounded for all "
+                "scenes and figures together (Bonferroni), as some changes "
+                "exceed their own bounds by chance:"
+            ),
+            "",
+            *(f"- {name}" for name in more),
+        ]
+    return lines
 
 
 def _depth_kinds(records: list[Record], reference: str) -> list[str]:

@@ -114,16 +114,16 @@ def _plot_depth_gain(name, result):
     idx = main_threshold(thresholds)
     value = auc_at(thresholds, idx)
     groups = depth_groups(name, result["records"])
-    engines = [
-        spec["name"] for spec in result["engines"] if "depth" in spec
-    ]
+    with_depth = {r["engine"] for r in result["records"] if r["uses_depth"]}
+    engines = [e for e in engines_of(result) if e in with_depth]
     figure, axis = pyplot.subplots(figsize=(8, 3.2))
     for k, engine in enumerate(engines):
+        # The colour that the engine has in the plot of accuracy.
+        color = f"C{engines_of(result).index(engine)}"
         for g, (_, records) in enumerate(groups):
             gains = _gains(records, engine, value)
             place = g + 0.5 * (k / max(1, len(engines) - 1) - 0.5)
             label = engine if g == 0 else None
-            color = f"C{k + 1}"
             axis.plot([place] * len(gains), gains, ".", color=color, alpha=0.5)
             mean = np.mean(gains) if gains else np.nan
             style = {"markersize": 14, "markeredgewidth": 2, "color": color}

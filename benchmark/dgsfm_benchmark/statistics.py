@@ -276,13 +276,16 @@ def variant_changes(
     records_b: Iterable[Record],
     value: Value,
     min_noise: float,
+    num_tests: int = 1,
 ) -> list[VariantChange]:
     """Changes from A to B on each variant that both have.
 
     Noise is Student's 95 % bound of a difference of means over seeds, and
     ``min_noise`` at least. A variant of one seed is given the spread of the
-    others.
+    others. With ``num_tests`` the bounds hold for so many together
+    (Bonferroni).
     """
+    level = _LEVEL / num_tests
     a = seed_values(records_a, value)
     b = seed_values(records_b, value)
     common = sorted(set(a) & set(b))
@@ -292,16 +295,18 @@ def variant_changes(
     changes = []
     for variant in common:
         sides = [list(values[variant].values()) for values in (a, b)]
-        bound = _noise_of_means(sides, pooled)
+        bound = _noise_of_means(sides, pooled, level)
         change = float(np.mean(sides[1]) - np.mean(sides[0]))
         changes.append(VariantChange(variant, change, max(bound, min_noise)))
     return changes
 
 
-def _noise_of_means(sides: list[list[float]], pooled: np.ndarray) -> float:
+def _noise_of_means(
+    sides: list[list[float]], pooled: np.ndarray, level: float
+) -> float:
     if min(len(side) for side in sides) < 2:
         variance = sum(p**2 / len(side) for p, side in zip(pooled, sides))
-        return float(stats.norm.ppf(1 - _LEVEL / 2) * np.sqrt(variance))
+        return float(stats.norm.ppf(1 - level / 2) * np.sqrt(variance))
     variance = sum(np.var(side, ddof=1) / len(side) for side in sides)
     freedom = sum(len(side) - 1 for side in sides)
-    return float(stats.t.ppf(1 - _LEVEL / 2, freedom) * np.sqrt(variance))
+    return float(stats.t.ppf(1 - level / 2, freedom) * np.sqrt(variance))

@@ -433,18 +433,25 @@ def worthless(
     switches: Sequence[str],
     reference: str,
     thresholds: Sequence[float],
+    together: bool = False,
 ) -> list[str]:
     """Switches that change neither an AUC nor the unit of any variant by more
-    than seeds do."""
+    than seeds do. ``together``: noise is bounded for all variants and figures
+    at once, of which some exceed their own bounds by chance."""
     own = of_engine(records, reference)
     values = [auc_at(thresholds, i) for i in range(len(thresholds))]
+    values.append(scale_error)
+    num_variants = len({variant_of(r) for r in own})
+    num_tests = len(values) * num_variants if together else 1
     found = []
     for switch in switches:
         runs = of_engine(records, switch)
         changes = [
             change
-            for value in (*values, scale_error)
-            for change in variant_changes(own, runs, value, MIN_CHANGE)
+            for value in values
+            for change in variant_changes(
+                own, runs, value, MIN_CHANGE, num_tests
+            )
         ]
         if changes and all(change.sign == 0 for change in changes):
             found.append(switch)

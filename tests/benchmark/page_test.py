@@ -317,6 +317,12 @@ class AblationTest(unittest.TestCase):
             tables.worthless(self.records, switches, "plain", [1, 5]),
             ["no use"],
         )
+        self.assertEqual(
+            tables.worthless(
+                self.records, switches, "plain", [1, 5], together=True
+            ),
+            ["no use"],
+        )
         text = "\n".join(
             tables.ablation_changes(self.records, switches, "plain", [1, 5])
         )
@@ -410,6 +416,7 @@ class OverviewTest(unittest.TestCase):
             ):  # fmt: skip
                 third = real(engine, "a/3", seed, auc)
                 third["parameters"] = {"every": 3}
+                third["uses_depth"] = engine != "no depth"
                 few = real(engine, "ring/60 points", seed, auc - seed)
                 few["parameters"] = {"family": "ring", "level": "60 points"}
                 records += [third, few]

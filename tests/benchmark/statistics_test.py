@@ -167,6 +167,15 @@ class NoiseTest(unittest.TestCase):
         self.assertAlmostEqual(noise, 1.96 * np.sqrt(2), delta=1e-2)
         self.assertEqual(self.changes(before, after)["b"].sign, -1)
 
+    def test_many_tests_have_wider_bounds(self):
+        before = [run("a", s, 50 + s) for s in range(3)]
+        noise = [
+            statistics.variant_changes(before, before, value, 0.1, number)[0].noise
+            for number in (1, 10)
+        ]
+        # Student's t of 4 degrees of freedom at 5 % and 0.5 %.
+        self.assertAlmostEqual(noise[1] / noise[0], 5.598 / 2.776, delta=1e-2)
+
     def test_rounding_is_no_change(self):
         changes = self.changes([run("a", 0, 50)], [run("a", 0, 50.05)])
         self.assertEqual(changes["a"].sign, 0)
