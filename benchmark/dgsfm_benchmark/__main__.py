@@ -11,10 +11,11 @@ import sys
 from pathlib import Path
 
 from . import page
-from .compare import compare
+from .compare import METHOD, compare
 from .errors import BenchmarkError
 from .experiment import PROJECT, read_experiment
 from .runner import Settings, run_experiment
+from .storage import EXPERIMENTS, definition
 
 
 def main() -> int:
@@ -23,7 +24,7 @@ def main() -> int:
     )
     commands = parser.add_subparsers(dest="command", required=True)
     _add_run(commands)
-    commands.add_parser("page", help="writes the page from stored results")
+    _add_page(commands)
     _add_compare(commands)
     arguments = parser.parse_args()
     try:
@@ -76,7 +77,18 @@ def _add_run(commands) -> None:
     run.add_argument(
         "--output",
         type=Path,
-        help="JSON file of the results, instead of the page's",
+        help="JSON file of the results, instead of the stored ones",
+    )
+
+
+def _add_page(commands) -> None:
+    pages = commands.add_parser(
+        "page", help="writes pages and README blocks from the stored runs"
+    )
+    pages.add_argument(
+        "--add",
+        type=Path,
+        help='JSON file of "run --output", whose experiments are stored first',
     )
 
 
@@ -84,7 +96,7 @@ def _add_compare(commands) -> None:
     comparison = commands.add_parser(
         "compare", help="paired differences of two results, or of two engines"
     )
-    comparison.add_argument("a", type=Path, help="JSON file of results")
+    comparison.add_argument("a", type=Path, help="JSON file or folder of results")
     comparison.add_argument("b", type=Path, nargs="?", help="default: the same")
     comparison.add_argument("--experiment", required=True)
     comparison.add_argument(
@@ -108,10 +120,11 @@ def _run(arguments) -> None:
     for name in names:
         path = Path(name)
         if path.suffix != ".toml":
-            path = page.EXPERIMENTS / f"{name}.toml"
+            path = EXPERIMENTS / f"{name}.toml"
         experiment = read_experiment(path)
         records = run_experiment(experiment, settings)
         results[experiment.name] = {
+            **definition(experiment),
             "date": datetime.date.today().isoformat(),
             "command": f"scripts/benchmark.sh run {name}",
             "machine": _machine(),
@@ -143,7 +156,10 @@ def _commit() -> str:
 
 
 def _page(arguments) -> None:
-    del arguments
+    if arguments.add is not None:
+        if not arguments.add.exists():
+            raise BenchmarkError(f"'{arguments.add}' does not exist")
+        page.store_runs(page.read_runs(arguments.add))
     page.write_page()
 
 
@@ -159,22 +175,22 @@ def _compare(arguments) -> None:
             raise BenchmarkError(
                 f"'{path}' has no experiment '{arguments.experiment}'"
             )
-        records.append(results[arguments.experiment]["records"])
+        result = page.described(
+            arguments.experiment, results[arguments.experiment]
+        )
+        records.append(result["records"])
     if arguments.engines:
         records = [
             [r for r in side if r["engine"] == engine]
             for side, engine in zip(records, arguments.engines)
         ]
-    experiment = read_experiment(
-        page.EXPERIMENTS / f"{arguments.experiment}.toml"
-    )
     lines = compare(
         records[0],
         records[1],
-        experiment.thresholds_deg,
+        result["thresholds_deg"],
         by_engine=not arguments.engines,
     )
-    print("\n".join(lines))
+    print("\n".join([*lines, "", METHOD]))
 
 
 if __name__ == "__main__":

@@ -1,23 +1,69 @@
-"""Comparison of two sets of runs by paired differences."""
+"""Comparison of two sets of runs by paired differences over scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from .errors import BenchmarkError
-from .statistics import Record, auc, paired_difference
+from .statistics import (
+    NUM_RESAMPLES,
+    Record,
+    Value,
+    auc_at,
+    run_difference,
+    scale_error,
+)
+
+METHOD = (
+    "Means over scenes, of means over seeds; subsets of a scene's images count "
+    f"with the scene. Interval: 95 %, bootstrap over scenes ({NUM_RESAMPLES:,} "
+    "resamples, fixed seed). Sign test: exact, two-sided, over scenes. Over "
+    "seeds: standard deviation of the difference on one scene. “Higher” and "
+    "“lower” need both tests, hence six scenes at least."
+)
+HEADER = [
+    "figure", "scenes", "A", "B", "B - A", "95 % interval", "over seeds",
+    "verdict",
+]  # fmt: skip
 
 
-def _metric(name: str, idx: int) -> Callable[[Record], float | None]:
-    if name == "auc":
-        return lambda record: auc(record, idx)
-    if name == "registered":
-        return lambda record: (
-            100
-            * record.get("metrics", {}).get("num_registered", 0)
-            / record.get("metrics", {}).get("num_images", 1)
-        )
-    return lambda record: record.get(name)
+def _registered(record: Record) -> float:
+    metrics = record.get("metrics", {})
+    return 100 * metrics.get("num_registered", 0) / metrics.get("num_images", 1)
+
+
+def figures(thresholds_deg: list[float]) -> dict[str, Value]:
+    """All that is compared, by its name."""
+    return {
+        **{
+            f"AUC@{threshold:g}": auc_at(thresholds_deg, i)
+            for i, threshold in enumerate(thresholds_deg)
+        },
+        "registered [%]": _registered,
+        "scale error [%]": scale_error,
+        "time [s]": lambda record: record.get("seconds"),
+        "CPU time [s]": lambda record: record.get("cpu_seconds"),
+        "memory [MB]": lambda record: record.get("peak_memory_mb"),
+    }
+
+
+def difference_row(
+    name: str, records_a: list[Record], records_b: list[Record], value: Value
+) -> list[str] | None:
+    """Cells of one figure; None if nothing can be paired."""
+    try:
+        difference = run_difference(records_a, records_b, value)
+    except ValueError:
+        return None
+    spread = difference.stddev
+    return [
+        name,
+        str(difference.num_scenes),
+        f"{difference.mean_a:.2f}",
+        f"{difference.mean_b:.2f}",
+        f"{difference.mean:+.2f}",
+        difference.interval(),
+        f"± {spread:.2f}" if spread == spread else "",
+        difference.verdict(),
+    ]
 
 
 def compare(
@@ -26,56 +72,30 @@ def compare(
     thresholds_deg: list[float],
     by_engine: bool = True,
 ) -> list[str]:
-    """Lines of a table: for each figure the means, the mean difference B - A
-    over scenes and seeds, its standard deviation, and a verdict.
+    """Lines of a table of the mean differences B - A over scenes.
 
     ``by_engine``: runs are paired engine by engine; otherwise A and B are one
     engine each. Raises BenchmarkError if nothing can be paired.
     """
-    figures = [
-        (f"AUC@{threshold:g}", _metric("auc", i))
-        for i, threshold in enumerate(thresholds_deg)
-    ]
-    figures += [
-        ("registered [%]", _metric("registered", 0)),
-        ("time [s]", _metric("seconds", 0)),
-        ("CPU time [s]", _metric("cpu_seconds", 0)),
-        ("memory [MB]", _metric("peak_memory_mb", 0)),
-    ]
     engines = [""]
     if by_engine:
         engines = sorted(
             {r["engine"] for r in records_a} & {r["engine"] for r in records_b}
         )
-    lines = [
-        "| engine | figure | pairs | A | B | B - A | sd | verdict |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    rows = []
     for engine in engines:
-        for name, value in figures:
-            try:
-                difference = paired_difference(
-                    _values(records_a, engine, value),
-                    _values(records_b, engine, value),
-                )
-            except ValueError:
-                continue
-            lines.append(
-                f"| {engine} | {name} | {difference.num_pairs} "
-                f"| {difference.mean_a:.2f} | {difference.mean_b:.2f} "
-                f"| {difference.mean:+.2f} | {difference.stddev:.2f} "
-                f"| {difference.verdict()} |"
-            )
-    if len(lines) == 2:
+        sides = [
+            [r for r in records if engine in ("", r["engine"])]
+            for records in (records_a, records_b)
+        ]
+        for name, value in figures(thresholds_deg).items():
+            row = difference_row(name, *sides, value)
+            if row is not None:
+                rows.append([engine, *row])
+    if not rows:
         raise BenchmarkError("A and B have no engine, scene and seed in common")
-    return lines
-
-
-def _values(records, engine, value):
-    values = {}
-    for record in records:
-        number = value(record)
-        if number is not None and engine in ("", record["engine"]):
-            key = (record["dataset"], record["scene"], record["seed"])
-            values[key] = number
-    return values
+    header = ["engine", *HEADER]
+    return [
+        f"| {' | '.join(cells)} |"
+        for cells in [header, ["---"] * len(header), *rows]
+    ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import shutil
 from pathlib import Path
@@ -21,11 +22,28 @@ def value_digest(value: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def write_json(path: Path, value: object) -> None:
+def write_text(path: Path, text: str) -> None:
     """Writes a file whole or not at all."""
     temporary = path.with_name(path.name + ".new")
-    temporary.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
+    temporary.write_text(text)
     os.replace(temporary, path)
+
+
+def write_json(path: Path, value: object) -> None:
+    """Writes a file whole or not at all."""
+    write_text(path, json.dumps(value, indent=1, sort_keys=True) + "\n")
+
+
+def rounded(value: float | None, decimals: int) -> float | int | None:
+    """A number with so many decimals, or -decimals significant digits; None
+    for none and for what is no number, which JSON does not know."""
+    if value is None or not math.isfinite(value):
+        return None
+    if decimals < 0:
+        value = float(f"{value:.{-decimals}g}")
+    else:
+        value = round(value, decimals)
+    return int(value) if value == int(value) else value
 
 
 def empty_folder(path: Path) -> Path:
