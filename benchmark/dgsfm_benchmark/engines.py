@@ -9,9 +9,10 @@ type = "dgsfm": this project's program. depth = folder of depth maps (a key of
     their time and memory include its measurement.
 type = "pycolmap_global", "pycolmap_incremental": COLMAP 4.x by pycolmap.
 type = "pycolmap_global_expert": the former with what a user can do by hand who
-    knows the set: one camera entry where one camera took all images
-    (single_camera of the scene), and free principal points in a last bundle
-    adjustment.
+    knows the set: where one camera took all images (single_camera of the
+    scene) one camera entry, and a free principal point in a last bundle
+    adjustment. Elsewhere it is the former: free principal points of single
+    images do harm.
 type = "colmap": a program of the user's. program = path; commands = list of
     argument lists in which {database}, {images}, {output}, {threads} and
     {seed} are replaced.
@@ -71,17 +72,22 @@ class Engine:
         return self.spec.get("depth", NO_DEPTH)
 
     @property
-    def knows_cameras(self) -> bool:
-        """Whether it is told where one camera took all images."""
-        return self.spec["type"] == "pycolmap_global_expert"
+    def one_camera(self) -> bool:
+        """Whether it was told that one camera took all images."""
+        return self.spec.get("one_camera", False)
 
     def on_scene(self, scene: Scene) -> Engine | None:
         """The engine with the first kind of depth that it wants and the scene
-        has; None if there is none."""
+        has, and with what it is told of the scene; None without such depth."""
+        told = {}
+        if self.spec["type"] == "pycolmap_global_expert":
+            told["one_camera"] = scene.single_camera
         wanted = self.depth if isinstance(self.depth, list) else [self.depth]
         for kind in wanted:
             if kind in ALWAYS_THERE or scene.has_depth(kind):
-                return Engine({**self.spec, "depth": kind}, self.program)
+                return Engine(
+                    {**self.spec, **told, "depth": kind}, self.program
+                )
         return None
 
     def version(self) -> str:
@@ -168,11 +174,11 @@ class Engine:
     def _map_with_pycolmap(self, job):
         names = {
             "pycolmap_global": ["view_graph_calibration", "global"],
-            "pycolmap_global_expert": [
-                "view_graph_calibration", "global", "principal_points",
-            ],
+            "pycolmap_global_expert": ["view_graph_calibration", "global"],
             "pycolmap_incremental": ["incremental"],
-        }[self.spec["type"]]  # fmt: skip
+        }[self.spec["type"]]
+        if self.one_camera:
+            names = [*names, "principal_point"]
         stages, usage = {}, Usage()
         for name in names:
             stage_usage = run_pycolmap(

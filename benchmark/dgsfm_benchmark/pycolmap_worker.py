@@ -61,9 +61,9 @@ def map_globally(job: dict) -> None:
     )
 
 
-def refine_principal_points(job: dict) -> None:
+def refine_principal_point(job: dict) -> None:
     """Adjusts the models in the output folder once more, as the global mapper
-    does, but with free principal points."""
+    does, but with a free principal point."""
     options = pycolmap.GlobalPipelineOptions().mapper.bundle_adjustment
     options.refine_principal_point = True
     options.ceres.solver_options.num_threads = job["threads"]
@@ -89,7 +89,7 @@ STAGES = {
     "matching": match_features,
     "view_graph_calibration": calibrate_view_graph,
     "global": map_globally,
-    "principal_points": refine_principal_points,
+    "principal_point": refine_principal_point,
     "incremental": map_incrementally,
 }
 

@@ -159,8 +159,7 @@ def _scene_runs(
             scene,
             engine.depth,
             depth_options.get(engine.depth, []),
-            scene.merge_cameras
-            or (scene.single_camera and engine.knows_cameras),
+            scene.merge_cameras or engine.one_camera,
         )
         runs.append(
             Run(
