@@ -63,7 +63,11 @@ def map_globally(job: dict) -> None:
 
 def refine_principal_point(job: dict) -> None:
     """Adjusts the models in the output folder once more, as the global mapper
-    does, but with a free principal point."""
+    does, but with a free principal point.
+
+    The tolerance is that of the mapper, too. To convergence the principal
+    point of a camera that only moves ahead would run away.
+    """
     options = pycolmap.GlobalPipelineOptions().mapper.bundle_adjustment
     options.refine_principal_point = True
     options.ceres.solver_options.num_threads = job["threads"]
