@@ -72,6 +72,45 @@ def _delete_other_images(connection, source, names):
         )
 
 
+def merge_cameras(path: Path) -> None:
+    """Gives all images the camera entry of the first one.
+
+    Raises BenchmarkError if their models or sizes differ.
+    """
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA foreign_keys = OFF")
+        kinds = connection.execute(
+            "SELECT DISTINCT model, width, height, prior_focal_length"
+            " FROM cameras WHERE camera_id IN (SELECT camera_id FROM images)"
+        ).fetchall()
+        if len(kinds) != 1:
+            raise BenchmarkError(f"'{path}' has images of different cameras")
+        with connection:
+            _merge_cameras(connection)
+
+
+def _merge_cameras(connection):
+    (camera,) = connection.execute(
+        "SELECT camera_id FROM images ORDER BY image_id LIMIT 1"
+    ).fetchone()
+    connection.execute("UPDATE images SET camera_id = ?", (camera,))
+    connection.execute("DELETE FROM cameras WHERE camera_id != ?", (camera,))
+    # COLMAP 4.x: each image is a frame of the rig that its camera is.
+    rig = None
+    if connection.execute(
+        "SELECT 1 FROM sqlite_master WHERE name = 'rigs'"
+    ).fetchone():
+        rig = connection.execute(
+            "SELECT rig_id FROM rigs WHERE ref_sensor_id = ?"
+            " AND ref_sensor_type = 0",
+            (camera,),
+        ).fetchone()
+    if rig is not None:
+        connection.execute("UPDATE frames SET rig_id = ?", rig)
+        connection.execute("UPDATE frame_data SET sensor_id = ?", (camera,))
+        connection.execute("DELETE FROM rigs WHERE rig_id != ?", rig)
+
+
 def drop_descriptors(path: Path) -> None:
     """Mappers do not need them, and they are most of a database."""
     with contextlib.closing(sqlite3.connect(path)) as connection:

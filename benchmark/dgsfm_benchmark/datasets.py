@@ -45,22 +45,20 @@ ETH3D_SCENES = (
 
 def load_plain(path: Path, options: Options) -> list[Scene]:
     """Folders with images/ and gt/, a COLMAP model. ``path`` holds them, or
-    is one. Options: position_accuracy, is_metric, scenes = names (default:
-    all)."""
-    folders = [path] if (path / "gt").is_dir() else _folders_with(path, "gt")
-    names = options.get("scenes", [folder.name for folder in folders])
+    is one.
+
+    Options: scenes = names (default: all folders). Of the set or of a scene:
+    folder (default: the scene's name, so that a folder can be several
+    scenes), database and truth = names in the folder, position_accuracy,
+    images = places in the order of names, as "0:5,9:12".
+    """
+    if (path / "gt").is_dir():
+        return [_plain_scene(path, path.name, options)]
+    folders = [folder.name for folder in _folders_with(path, "gt")]
     return [
-        _scene(
-            folder,
-            image_folder=folder / "images",
-            truth=read_model(folder / "gt").poses,
-            position_accuracy=options.get(
-                "position_accuracy", LASER_ACCURACY
-            ),
-            is_metric=options.get("is_metric", True),
-        )
-        for folder in folders
-        if folder.name in names
+        _plain_scene(path / str(own.get("folder", name)), name, own)
+        for name in options.get("scenes", folders)
+        for own in [scene_options(options, name)]
     ]
 
 
@@ -179,6 +177,12 @@ LOADERS: dict[str, Callable[[Path, Options], list[Scene]]] = {
 }
 
 
+def scene_options(options: Options, name: str) -> dict:
+    """Options of a data set with those of one of its scenes over them."""
+    scene = options.get("scene", {}).get(name.split("/")[0], {})
+    return {**options, **scene}
+
+
 def load_scenes(layout: str, path: Path, options: Options) -> list[Scene]:
     """Scenes of a data set; raises BenchmarkError if there are none."""
     if layout not in LOADERS:
@@ -193,6 +197,34 @@ def load_scenes(layout: str, path: Path, options: Options) -> list[Scene]:
     for scene in scenes:
         _check_images(scene)
     return sorted(scenes, key=lambda scene: scene.name)
+
+
+def _plain_scene(folder: Path, name: str, options: Options) -> Scene:
+    truth = folder / str(options.get("truth", "gt"))
+    if not truth.is_dir():
+        raise BenchmarkError(f"truth '{truth}' does not exist")
+    values = {}
+    if "database" in options:
+        values["database"] = folder / str(options["database"])
+        if not values["database"].exists():
+            raise BenchmarkError(f"'{values['database']}' does not exist")
+    poses = read_model(truth).poses
+    return _scene(
+        folder,
+        name=name,
+        image_folder=folder / "images",
+        truth={n: poses[n] for n in _places(sorted(poses), options)},
+        position_accuracy=options.get("position_accuracy", LASER_ACCURACY),
+        **values,
+    )
+
+
+def _places(names: list[str], options: Options) -> list[str]:
+    kept = []
+    for places in str(options.get("images", ":")).split(","):
+        first, last = places.split(":")
+        kept += names[int(first or 0) : int(last or len(names))]
+    return kept
 
 
 def _folders_with(path: Path, name: str) -> list[Path]:
@@ -217,6 +249,9 @@ def _scene(folder: Path, **values) -> Scene:
 def _check_images(scene: Scene) -> None:
     if len(scene.truth) < 2:
         raise BenchmarkError(f"scene '{scene.name}' has less than two images")
+    # Mappers do not need the images where key points are given.
+    if scene.database is not None and not scene.image_folder.is_dir():
+        return
     for name in scene.truth:
         if not (scene.image_folder / name).exists():
             raise BenchmarkError(

@@ -2,17 +2,23 @@
 
 type = "dgsfm": this project's program. depth = folder of depth maps (a key of
     Scene.depth_folders), "database" for depth that the database already has,
-    or "none"; options = table of its options without the leading dashes;
+    or "none"; a list of these names the first one that a scene has; options = table of its options without the leading dashes;
     verify_first = true verifies the pairs in a program of its own, so that
     time and memory of the rest are known. With options =
     { measure_repeatability = 1 } runs have a repeatable AUC@1 as well, and
     their time and memory include its measurement.
 type = "pycolmap_global", "pycolmap_incremental": COLMAP 4.x by pycolmap.
+type = "pycolmap_global_expert": the former with what a user can do by hand who
+    knows the set: where one camera took all images (single_camera of the
+    scene) one camera entry, and a free principal point in a last bundle
+    adjustment. Elsewhere it is the former: free principal points of single
+    images do harm.
 type = "colmap": a program of the user's. program = path; commands = list of
     argument lists in which {database}, {images}, {output}, {threads} and
     {seed} are replaced.
 
-max_x: levels of a sweep beyond this are left out.
+max_x: levels of a sweep beyond this are left out. seeds: instead of the
+experiment's, for engines whose output does not depend on them.
 """
 
 from __future__ import annotations
@@ -26,8 +32,12 @@ from pathlib import Path
 from .errors import BenchmarkError
 from .files import file_digest
 from .process import Usage, run_program
+from .scene import Scene
 
 NO_DEPTH = "none"
+# Depth that is part of the database, as of the user's own.
+DATABASE_DEPTH = "database"
+ALWAYS_THERE = (NO_DEPTH, DATABASE_DEPTH)
 # Stages of engines that verify first: this, and the mapper as a whole.
 VERIFICATION = "verification"
 MAPPING = "all after"
@@ -58,8 +68,27 @@ class Engine:
 
     @property
     def depth(self) -> str:
-        """Depth that it wants; see ``depth`` above."""
+        """Kind of depth that it uses, of an engine from ``on_scene``."""
         return self.spec.get("depth", NO_DEPTH)
+
+    @property
+    def one_camera(self) -> bool:
+        """Whether it was told that one camera took all images."""
+        return self.spec.get("one_camera", False)
+
+    def on_scene(self, scene: Scene) -> Engine | None:
+        """The engine with the first kind of depth that it wants and the scene
+        has, and with what it is told of the scene; None without such depth."""
+        told = {}
+        if self.spec["type"] == "pycolmap_global_expert":
+            told["one_camera"] = scene.single_camera
+        wanted = self.depth if isinstance(self.depth, list) else [self.depth]
+        for kind in wanted:
+            if kind in ALWAYS_THERE or scene.has_depth(kind):
+                return Engine(
+                    {**self.spec, **told, "depth": kind}, self.program
+                )
+        return None
 
     def version(self) -> str:
         """Changes when the program does; runs are repeated then."""
@@ -79,6 +108,7 @@ class Engine:
         mappers = {
             "dgsfm": self._map_with_depth,
             "pycolmap_global": self._map_with_pycolmap,
+            "pycolmap_global_expert": self._map_with_pycolmap,
             "pycolmap_incremental": self._map_with_pycolmap,
             "colmap": self._map_with_program,
         }
@@ -144,8 +174,11 @@ class Engine:
     def _map_with_pycolmap(self, job):
         names = {
             "pycolmap_global": ["view_graph_calibration", "global"],
+            "pycolmap_global_expert": ["view_graph_calibration", "global"],
             "pycolmap_incremental": ["incremental"],
         }[self.spec["type"]]
+        if self.one_camera:
+            names = [*names, "principal_point"]
         stages, usage = {}, Usage()
         for name in names:
             stage_usage = run_pycolmap(

@@ -16,7 +16,20 @@
                                  # starts with "../" or "./"
     max_image_size = 1600        # larger images are reduced [px]; 0 = never
     every = [1, 2]               # also every second image as a scene of its own
-    [dataset.scene.NAME]         # options of a scene, over those of the set
+    seeds = [0]                  # instead of the experiment's
+    role = "fit"                 # constants may be chosen on it; "report",
+                                 # the default: it is only looked at
+    scene_file = "../data_sets/shared.toml"  # with [scene.NAME] tables, for
+                                 # all experiments on the same data
+    [dataset.scene.NAME]         # options of a scene, over those of the file
+                                 # and of the set; also those of its loader
+    is_metric = false            # truth and depth maps have different units
+    depth_units = { depth_meter = 1000 }  # truth units per unit of this depth
+    min_threshold_deg = 5        # what the truth can bear: the AUC up to less
+                                 # says nothing
+    single_camera = true         # one camera took all images
+    merge_cameras = true         # and the database says so
+    like = "NAME"                # another scene, of whose folder this is, too
     depth_options = { depth_sensor = ["--depth_scale", "0.001"] }
 
     [[engine]]                   # one or more
@@ -33,6 +46,18 @@ from pathlib import Path
 from .errors import BenchmarkError
 
 PROJECT = Path(__file__).resolve().parents[2]
+
+ROLES = ("fit", "report")
+# Fields of Scene that an experiment may set ...
+SCENE_FACTS = {
+    "is_metric", "depth_units", "role", "min_threshold_deg", "single_camera",
+    "merge_cameras",
+}  # fmt: skip
+# ... and all else that may be said of a scene: to its loader and importer.
+SCENE_OPTIONS = SCENE_FACTS | {
+    "folder", "database", "truth", "images", "position_accuracy",
+    "depth_options",
+}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +89,13 @@ def read_experiment(path: Path) -> Experiment:
     _check_keys(path, values, known, required={"dataset", "engine"})
     for dataset in values["dataset"]:
         _check_keys(path, dataset, None, required={"name", "layout"})
+        dataset["scene"] = _scene_tables(path, dataset)
+        for table in (dataset, *dataset["scene"].values()):
+            if table.get("role", "fit") not in ROLES:
+                raise BenchmarkError(
+                    f"experiment '{path}': role '{table['role']}' must be one "
+                    f"of {', '.join(ROLES)}"
+                )
     for engine in values["engine"]:
         _check_keys(path, engine, None, required={"name", "type"})
     names = [engine["name"] for engine in values["engine"]]
@@ -86,6 +118,45 @@ def read_experiment(path: Path) -> Experiment:
         datasets=tuple(values["dataset"]),
         engines=tuple(values["engine"]),
     )
+
+
+def _scene_tables(path: Path, dataset: dict) -> dict[str, dict]:
+    """What is said of scenes: in a file that experiments share, and here."""
+    tables = {}
+    if "scene_file" in dataset:
+        file = path.parent / dataset["scene_file"]
+        try:
+            shared = tomllib.loads(file.read_text())
+        except (OSError, tomllib.TOMLDecodeError) as error:
+            raise BenchmarkError(f"scenes '{file}': {error}") from error
+        _check_keys(file, shared, {"scene"}, required={"scene"})
+        tables = shared["scene"]
+    own = dataset.get("scene", {})
+    tables = {
+        name: {**tables.get(name, {}), **own.get(name, {})}
+        for name in {**tables, **own}
+    }
+    merged = {
+        name: _with_likeness(tables, name)
+        for name in tables
+        if name in dataset.get("scenes", [name])
+    }
+    for name, table in merged.items():
+        unknown = set(table) - SCENE_OPTIONS
+        if unknown:
+            raise BenchmarkError(
+                f"experiment '{path}': scene '{name}' has an unknown "
+                f"'{min(unknown)}'"
+            )
+    return merged
+
+
+def _with_likeness(tables: dict[str, dict], name: str) -> dict:
+    table = dict(tables[name])
+    like = table.pop("like", None)
+    if like is None:
+        return table
+    return {"folder": like, **tables.get(like, {}), **table}
 
 
 def dataset_path(dataset: dict, data_folder: Path) -> Path:

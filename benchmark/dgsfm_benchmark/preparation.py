@@ -9,15 +9,12 @@ from pathlib import Path
 
 import pycolmap
 
-from .database import copy_with_images, drop_descriptors
+from .database import copy_with_images, drop_descriptors, merge_cameras
 from .engines import NO_DEPTH, run_pycolmap
 from .errors import BenchmarkError
 from .files import file_digest, slug, value_digest
 from .process import run_program
 from .scene import Scene
-
-# Depth that is part of the database, as of synthetic scenes.
-DATABASE_DEPTH = "database"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,27 +41,37 @@ class Preparation:
     def image_folder(self, scene: Scene) -> Path:
         """Folder of the images, reduced where they are too large."""
         if scene.database is not None:
-            return scene.image_folder
+            if scene.image_folder.is_dir():
+                return scene.image_folder
+            # COLMAP's mappers insist on a folder of images, if an empty one.
+            folder = self.folder / slug(scene.name) / "images"
+            folder.mkdir(parents=True, exist_ok=True)
+            return folder
         return self._collection_database(scene.image_folder).parent / "images"
 
     def database(
-        self, scene: Scene, depth: str, depth_options: list[str]
-    ) -> Path | None:
-        """Database of a scene with the given depth (see Engine.depth); None
-        if the scene has no such depth."""
+        self,
+        scene: Scene,
+        depth: str,
+        depth_options: list[str],
+        one_camera: bool = False,
+    ) -> Path:
+        """Database of a scene with a kind of depth that it has, and one
+        camera entry for all images if that is wanted."""
         folder = self.folder / slug(scene.name)
         folder.mkdir(parents=True, exist_ok=True)
         base = scene.database or self._collection_database(scene.image_folder)
         # Synthetic scenes change with the program.
-        path = folder / f"{NO_DEPTH}-{file_digest(base)}.db"
+        cameras = "one_camera-" if one_camera else ""
+        path = folder / f"{NO_DEPTH}-{cameras}{file_digest(base)}.db"
         if not path.exists():
             temporary = folder / "new.db"
             copy_with_images(base, temporary, scene.truth.keys())
+            if one_camera:
+                merge_cameras(temporary)
             os.replace(temporary, path)
-        if depth in (NO_DEPTH, DATABASE_DEPTH):
-            return path
         if depth not in scene.depth_folders:
-            return None
+            return path
         return self._with_depth(
             path, scene.depth_folders[depth], depth, depth_options
         )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 import pycolmap
 
@@ -60,6 +61,23 @@ def map_globally(job: dict) -> None:
     )
 
 
+def refine_principal_point(job: dict) -> None:
+    """Adjusts the models in the output folder once more, as the global mapper
+    does, but with a free principal point.
+
+    The tolerance is that of the mapper, too. To convergence the principal
+    point of a camera that only moves ahead would run away.
+    """
+    options = pycolmap.GlobalPipelineOptions().mapper.bundle_adjustment
+    options.refine_principal_point = True
+    options.ceres.solver_options.num_threads = job["threads"]
+    for folder in sorted(Path(job["output"]).iterdir()):
+        if (folder / "images.bin").exists():
+            model = pycolmap.Reconstruction(str(folder))
+            pycolmap.bundle_adjustment(model, options)
+            model.write(str(folder))
+
+
 def map_incrementally(job: dict) -> None:
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = job["threads"]
@@ -75,6 +93,7 @@ STAGES = {
     "matching": match_features,
     "view_graph_calibration": calibrate_view_graph,
     "global": map_globally,
+    "principal_point": refine_principal_point,
     "incremental": map_incrementally,
 }
 

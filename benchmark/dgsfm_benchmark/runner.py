@@ -12,11 +12,11 @@ import traceback
 from pathlib import Path
 
 from . import synthetic
-from .datasets import load_scenes
+from .datasets import load_scenes, scene_options
 from .engines import NO_DEPTH, Engine, MappingJob
 from .errors import BenchmarkError
 from .evaluation import evaluate
-from .experiment import Experiment, dataset_path
+from .experiment import SCENE_FACTS, Experiment, dataset_path
 from .files import empty_folder, file_digest, slug, value_digest, write_json
 from .preparation import Preparation
 from .scene import Scene
@@ -56,6 +56,8 @@ class Run:
             "seed": self.seed,
             "threads": self.experiment.threads,
             "thresholds_deg": list(self.experiment.thresholds_deg),
+            "truth": _truth_digest(self.scene),
+            "depth_unit": self.scene.depth_unit(self.engine.depth),
         }
 
 
@@ -75,16 +77,26 @@ def subset_scenes(scenes: list[Scene], every: list[int]) -> list[Scene]:
     for scene in scenes:
         for step in every:
             names = sorted(scene.truth)[::step]
-            if len(names) < 2:
+            # Two images leave the unit open, and are no use to averaging.
+            if step > 1 and len(names) < 3:
                 continue
             subsets.append(
                 dataclasses.replace(
                     scene,
                     name=scene.name if step == 1 else f"{scene.name}/{step}",
                     truth={name: scene.truth[name] for name in names},
+                    parameters={**scene.parameters, "every": step},
                 )
             )
     return subsets
+
+
+def _truth_digest(scene):
+    poses = {
+        name: [pose.rotation.tolist(), pose.translation.tolist()]
+        for name, pose in scene.truth.items()
+    }
+    return value_digest([poses, scene.position_accuracy])
 
 
 def _prepare_runs(experiment, dataset, settings):
@@ -95,12 +107,13 @@ def _prepare_runs(experiment, dataset, settings):
         dataset.get("max_image_size", 0),
         settings.num_jobs,
     )
+    seeds = dataset.get("seeds", experiment.seeds)
     if dataset["layout"] == "synthetic":
         scenes_by_seed = {
             seed: synthetic.create_scenes(
                 dataset, seed, folder / "scenes", settings.program
             )
-            for seed in experiment.seeds
+            for seed in seeds
         }
     else:
         scenes = load_scenes(
@@ -108,7 +121,7 @@ def _prepare_runs(experiment, dataset, settings):
             dataset,
         )  # fmt: skip
         scenes = subset_scenes(scenes, dataset.get("every", [1]))
-        scenes_by_seed = {seed: scenes for seed in experiment.seeds}
+        scenes_by_seed = {seed: scenes for seed in seeds}
         preparation.prepare_collections(scenes)
     runs = []
     for seed, scenes in scenes_by_seed.items():
@@ -124,12 +137,9 @@ def _prepare_runs(experiment, dataset, settings):
 def _scene_runs(
     experiment, dataset, scene, seed, preparation, folder, settings
 ):
-    options = {
-        **dataset,
-        **dataset.get("scene", {}).get(scene.name.split("/")[0], {}),
-    }
+    options = scene_options(dataset, scene.name)
     scene = dataclasses.replace(
-        scene, is_metric=options.get("is_metric", scene.is_metric)
+        scene, **{key: options[key] for key in SCENE_FACTS if key in options}
     )
     depth_options = options.get("depth_options", {})
     # Synthetic scenes are drawn anew for each seed.
@@ -137,17 +147,20 @@ def _scene_runs(
     preparation = dataclasses.replace(preparation, folder=place / "prepared")
     runs = []
     for spec in experiment.engines:
-        engine = Engine(spec, settings.program)
+        engine = Engine(spec, settings.program).on_scene(scene)
+        if engine is None or seed not in spec.get("seeds", [seed]):
+            continue
         if engine.depth == NO_DEPTH and scene.parameters.get("depth_only"):
             continue
         x = scene.parameters.get("x")
         if x is not None and x > spec.get("max_x", x):
             continue
         database = preparation.database(
-            scene, engine.depth, depth_options.get(engine.depth, [])
+            scene,
+            engine.depth,
+            depth_options.get(engine.depth, []),
+            scene.merge_cameras or engine.one_camera,
         )
-        if database is None:
-            continue
         runs.append(
             Run(
                 experiment,
@@ -173,7 +186,8 @@ def _run(run: Run, settings: Settings) -> dict:
     if record_path.exists() and not settings.fresh:
         record = _read_record(record_path)
         if record is not None and record["key"] == key:
-            return record
+            # What the experiment says of the scene may have changed.
+            return {**record, **_description(run)}
     empty_folder(run.folder)
     start = time.monotonic()
     try:
@@ -223,6 +237,7 @@ def _map_and_evaluate(run: Run) -> dict:
     )
     if not reason:
         outcome["metrics"].update(run.engine.own_metrics(output))
+        outcome["metrics"].update(_scale_error(run, outcome["metrics"]))
     if not reason and outcome["metrics"]["num_models"] == 0:
         reason = "no model"
     outcome["status"] = "failed" if reason else "ok"
@@ -230,18 +245,32 @@ def _map_and_evaluate(run: Run) -> dict:
     return outcome
 
 
+def _scale_error(run: Run, metrics: dict) -> dict[str, float]:
+    """By how much the unit of depth comes out wrong; 0.01 is 1 %."""
+    unit = run.scene.depth_unit(run.engine.depth)
+    if run.engine.depth == NO_DEPTH or unit is None or "scale" not in metrics:
+        return {}
+    return {"scale_error": abs(metrics["scale"] / unit - 1)}
+
+
 def _record(run: Run, key: dict, outcome: dict) -> dict:
+    return {**_description(run), "key": key, **outcome}
+
+
+def _description(run: Run) -> dict:
     return {
         "experiment": run.experiment.name,
         "dataset": run.dataset["name"],
         "scene": run.scene.name,
         "engine": run.engine.name,
         "seed": run.seed,
-        "key": key,
         "parameters": run.scene.parameters,
+        "depth": run.engine.depth,
         "uses_depth": run.engine.depth != NO_DEPTH,
         "is_metric": run.scene.is_metric,
-        **outcome,
+        "role": run.scene.role,
+        "thresholds_deg": list(run.experiment.thresholds_deg),
+        "min_threshold_deg": run.scene.min_threshold_deg,
     }
 
 

@@ -37,5 +37,24 @@ class Scene:
     # Folders of depth maps, by the names that engines ask for.
     depth_folders: dict[str, Path] = dataclasses.field(default_factory=dict)
     scans: tuple[Scan, ...] = ()
+    # Kinds of depth that the database already has.
+    database_depths: tuple[str, ...] = ()
+    # Truth units per unit of a kind of depth, where that is not is_metric's.
+    depth_units: dict[str, float] = dataclasses.field(default_factory=dict)
+    # "fit": constants may be chosen on it; "report": it is only looked at.
+    role: str = "report"
+    # Poses are true to about this [deg]: the AUC up to less says nothing.
+    min_threshold_deg: float = 0.0
+    # Whether one camera took all images, whatever the database says ...
+    single_camera: bool = False
+    # ... and whether the database gets one camera entry for all of them.
+    merge_cameras: bool = False
     # What a synthetic scene was made with, for tables and plots.
     parameters: dict = dataclasses.field(default_factory=dict)
+
+    def has_depth(self, kind: str) -> bool:
+        return kind in self.depth_folders or kind in self.database_depths
+
+    def depth_unit(self, kind: str) -> float | None:
+        """Truth units per unit of a kind of depth; None where unknown."""
+        return self.depth_units.get(kind, 1.0 if self.is_metric else None)

@@ -26,6 +26,11 @@ from .process import run_program
 from .scene import Scene
 
 
+# What engines may call the depth of synthetic scenes: theirs emulates a strong
+# network, as "depth" of real scenes.
+SYNTHETIC_DEPTHS = ("database", "depth")
+
+
 def create_scenes(
     dataset: dict, seed: int, folder: Path, program: Path
 ) -> list[Scene]:
@@ -51,7 +56,12 @@ def create_scenes(
                 and dataset.get("levels_change") == "depth",
             }
             scenes.append(
-                dataclasses.replace(scene, name=name, parameters=parameters)
+                dataclasses.replace(
+                    scene,
+                    name=name,
+                    parameters=parameters,
+                    database_depths=SYNTHETIC_DEPTHS,
+                )
             )
     return scenes
 

@@ -49,6 +49,33 @@ class LoadersTest(unittest.TestCase):
         (scene,) = datasets.load_scenes("plain", self.path / "b", {})
         self.assertEqual(scene.name, "b")
 
+    def test_plain_folder_as_several_scenes(self):
+        folder = self.path / "a"
+        other = support.random_poses(4, seed=1)
+        support.write_text_model(folder / "gt", self.poses)
+        support.write_text_model(folder / "gt_other", other)
+        # Key points are given: images are not needed.
+        for name in ("database.db", "database_aliked.db"):
+            (folder / name).touch()
+        ends = {"folder": "a", "images": "0:1,2:4", "truth": "gt_other"}
+        whole, part = datasets.load_scenes(
+            "plain",
+            self.path,
+            {
+                "database": "database_aliked.db",
+                "scenes": ["a", "a, two ends"],
+                "scene": {"a, two ends": ends},
+            },
+        )
+        self.assert_truth(whole, self.poses)
+        self.assertEqual(whole.database, folder / "database_aliked.db")
+        self.assertEqual(part.name, "a, two ends")
+        del other["0001.jpg"]
+        self.assert_truth(part, other)
+        for option in ("database", "truth"):
+            with self.assertRaisesRegex(BenchmarkError, "/missing"):
+                datasets.load_scenes("plain", self.path, {option: "missing"})
+
     def test_strecha(self):
         folder = self.path / "fountain-P11"
         support.write_images(folder / "images", self.poses)

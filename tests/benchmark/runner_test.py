@@ -11,7 +11,7 @@ from pathlib import Path
 import support
 import pycolmap
 from dgsfm_benchmark import page, runner
-from dgsfm_benchmark.database import copy_with_images
+from dgsfm_benchmark.database import copy_with_images, merge_cameras
 from dgsfm_benchmark.errors import BenchmarkError
 from dgsfm_benchmark.experiment import read_experiment
 from dgsfm_benchmark.process import run_program
@@ -35,6 +35,8 @@ shutil.copytree(scene / "gt", pathlib.Path(output) / "0")
 DEPTH_MAPPER = f"""#!{sys.executable}
 import json, pathlib, shutil, sys
 command, *arguments = sys.argv[1:]
+if command == "depth_importer":
+    sys.exit()
 assert command == "depth_global_mapper"
 options = dict(zip(arguments[::2], arguments[1::2]))
 output = pathlib.Path(options["--output_path"])
@@ -66,6 +68,32 @@ name = "not measured"
 type = "dgsfm"
 """
 
+FACTS_EXPERIMENT = """
+seeds = [0, 1]
+[[dataset]]
+name = "test"
+role = "fit"
+layout = "plain"
+path = "{path}"
+seeds = [0]
+every = [1, 2]
+[dataset.scene.scene]
+min_threshold_deg = {min_threshold_deg}
+is_metric = false
+depth_units = {{ depth = 4 }}
+[[engine]]
+name = "any depth"
+type = "dgsfm"
+depth = ["depth_sensor", "depth", "none"]
+[[engine]]
+name = "none"
+type = "dgsfm"
+[[engine]]
+name = "other seed"
+type = "dgsfm"
+seeds = [1]
+"""
+
 EXPERIMENT = """
 seeds = [0, 1]
 [[dataset]]
@@ -91,8 +119,15 @@ def write_database(path, names):
         camera = pycolmap.Camera.create_from_model_name(
             0, "SIMPLE_RADIAL", 70, 64, 48
         )
-        camera_id = database.write_camera(camera)
-        database.write_image(pycolmap.Image(name=name, camera_id=camera_id))
+        camera.camera_id = database.write_camera(camera)
+        image = pycolmap.Image(name=name, camera_id=camera.camera_id)
+        image.image_id = database.write_image(image)
+        # As COLMAP's extractor: each camera is a rig, each image a frame.
+        rig = pycolmap.Rig()
+        rig.add_ref_sensor(camera.sensor_id)
+        frame = pycolmap.Frame(rig_id=database.write_rig(rig))
+        frame.add_data_id(image.data_id)
+        database.write_frame(frame)
     database.close()
 
 
@@ -110,10 +145,14 @@ class RunnerTest(unittest.TestCase):
         self.program.write_text(MAPPER)
         self.program.chmod(0o755)
 
-    def run_experiment(self, text=EXPERIMENT, **settings):
+    def run_experiment(self, text=EXPERIMENT, values=None, **settings):
         path = self.path / "experiment.toml"
         path.write_text(
-            text.format(path=self.path / "data", program=self.program)
+            text.format(
+                path=self.path / "data",
+                program=self.program,
+                **(values or {}),
+            )
         )
         with contextlib.redirect_stderr(io.StringIO()):
             return runner.run_experiment(
@@ -161,6 +200,29 @@ class RunnerTest(unittest.TestCase):
         page.store_runs({"test": {"records": records}}, results)
         self.assertEqual(page.read_runs(results)["test"]["records"], records)
 
+    def test_records_what_is_known_of_scenes(self):
+        self.program.write_text(DEPTH_MAPPER)
+        (self.scene / "depth").mkdir()
+        records = self.run_experiment(
+            FACTS_EXPERIMENT, {"min_threshold_deg": 3}
+        )
+        # Of three images every second one is too few.
+        self.assertEqual(
+            [(r["engine"], r["depth"], r["seed"]) for r in records],
+            [("any depth", "depth", 0), ("none", "none", 0)],
+        )
+        for record in records:
+            self.assertEqual(record["role"], "fit")
+            self.assertEqual(record["min_threshold_deg"], 3)
+            self.assertEqual(record["thresholds_deg"], [1, 3, 5])
+        # Truth and model are the same, so the model is 4 units of depth off.
+        errors = [r["metrics"].get("scale_error") for r in records]
+        self.assertAlmostEqual(errors[0], 0.75)
+        self.assertIsNone(errors[1])
+        # What is said of a scene changes no run, but its record.
+        again = self.run_experiment(FACTS_EXPERIMENT, {"min_threshold_deg": 5})
+        self.assertEqual(again, [{**r, "min_threshold_deg": 5} for r in records])
+
     def test_goes_on_where_it_was(self):
         records = self.run_experiment()
         self.assertEqual(self.num_runs(), 2)
@@ -190,6 +252,35 @@ class RunnerTest(unittest.TestCase):
             copy_with_images(
                 self.scene / "database.db", self.path / "x.db", ["x.jpg"]
             )
+
+
+    def test_merged_cameras_are_one_rig(self):
+        path = self.scene / "database.db"
+        merge_cameras(path)
+        database = pycolmap.Database.open(str(path))
+        self.addCleanup(database.close)
+        (camera,) = database.read_all_cameras()
+        (rig,) = database.read_all_rigs()
+        self.assertEqual(rig.ref_sensor_id.id, camera.camera_id)
+        for image in database.read_all_images():
+            self.assertEqual(image.camera_id, camera.camera_id)
+        for frame in database.read_all_frames():
+            self.assertEqual(frame.rig_id, rig.rig_id)
+
+    def test_different_cameras_cannot_be_merged(self):
+        path = self.scene / "database.db"
+        database = pycolmap.Database.open(str(path))
+        camera = pycolmap.Camera.create_from_model_name(
+            0, "SIMPLE_RADIAL", 70, 48, 64
+        )
+        database.write_image(
+            pycolmap.Image(
+                name="x.jpg", camera_id=database.write_camera(camera)
+            )
+        )
+        database.close()
+        with self.assertRaisesRegex(BenchmarkError, "different cameras"):
+            merge_cameras(path)
 
 
 class ProcessTest(unittest.TestCase):
@@ -224,6 +315,41 @@ class ExperimentFilesTest(unittest.TestCase):
         self.assertGreater(len(paths), 4)
         for path in paths:
             self.assertTrue(read_experiment(path).engines)
+
+    def test_all_say_what_constants_may_be_fitted_on(self):
+        folder = support.PROJECT / "benchmark" / "experiments"
+        for path in folder.glob("*.toml"):
+            for dataset in read_experiment(path).datasets:
+                self.assertIn("role", dataset, path)
+
+    def test_scenes_of_a_shared_file(self):
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "scenes.toml").write_text(
+                "[scene.a]\nis_metric = false\nmin_threshold_deg = 3\n"
+                "[scene.b]\nlike = 'a'\nimages = '0:3'\n"
+                "[scene.c]\n"
+            )
+            path = Path(folder) / "x.toml"
+            head = (
+                "[[engine]]\nname = 'e'\ntype = 'dgsfm'\n"
+                "[[dataset]]\nname = 'a'\nlayout = 'plain'\n"
+                "scene_file = 'scenes.toml'\nscenes = ['a', 'b']\n"
+            )
+            path.write_text(head + "[dataset.scene.a]\nmin_threshold_deg = 5\n")
+            (dataset,) = read_experiment(path).datasets
+            facts = {"is_metric": False, "min_threshold_deg": 5}
+            self.assertEqual(
+                dataset["scene"],
+                {"a": facts, "b": {"folder": "a", "images": "0:3", **facts}},
+            )
+            for text, message in (
+                ("role = 'fitted'", "fitted"),
+                ("[dataset.scene.a]\nmetric = true", "metric"),
+                ("[dataset.scene.a]\nrole = 'x'", "role 'x'"),
+            ):
+                path.write_text(head + text)
+                with self.assertRaisesRegex(BenchmarkError, message):
+                    read_experiment(path)
 
     def test_faults_are_named(self):
         with tempfile.TemporaryDirectory() as folder:
