@@ -2,11 +2,12 @@
 
 type = "dgsfm": this project's program. depth = folder of depth maps (a key of
     Scene.depth_folders), "database" for depth that the database already has,
-    or "none"; a list of these names the first one that a scene has; options = table of its options without the leading dashes;
-    verify_first = true verifies the pairs in a program of its own, so that
-    time and memory of the rest are known. With options =
-    { measure_repeatability = 1 } runs have a repeatable AUC@1 as well, and
-    their time and memory include its measurement.
+    or "none"; of a list of these the first one that a scene has. options =
+    table of its options without the leading dashes; verify_first = true
+    verifies the pairs in a program of its own, so that time and memory of the
+    rest are known. With options = { measure_repeatability = 1 } runs have a
+    repeatable AUC@1 as well, and their time and memory include its
+    measurement.
 type = "pycolmap_global", "pycolmap_incremental": COLMAP 4.x by pycolmap.
 type = "pycolmap_global_expert": the former with what a user can do by hand who
     knows the set: where one camera took all images (single_camera of the

@@ -220,8 +220,11 @@ class RunnerTest(unittest.TestCase):
         self.assertAlmostEqual(errors[0], 0.75)
         self.assertIsNone(errors[1])
         # What is said of a scene changes no run, but its record.
-        again = self.run_experiment(FACTS_EXPERIMENT, {"min_threshold_deg": 5})
-        self.assertEqual(again, [{**r, "min_threshold_deg": 5} for r in records])
+        values = {"min_threshold_deg": 5}
+        self.assertEqual(
+            self.run_experiment(FACTS_EXPERIMENT, values),
+            [{**record, **values} for record in records],
+        )
 
     def test_goes_on_where_it_was(self):
         records = self.run_experiment()
