@@ -10,6 +10,17 @@ namespace {
 
 using Part = std::set<colmap::camera_t>;
 
+// An id from first_id on that no camera has. Ids go on from 1 after the
+// greatest one, which colmap::Image refuses.
+colmap::camera_t FreeCameraId(const Scene& scene, colmap::camera_t first_id) {
+  colmap::camera_t id = first_id;
+  while (id == 0 || id == colmap::kInvalidCameraId ||
+         scene.cameras.count(id) > 0) {
+    ++id;
+  }
+  return id;
+}
+
 }  // namespace
 
 std::set<colmap::camera_t> SharedCameras(const Scene& scene) {
@@ -35,7 +46,8 @@ void SplitCameras(const std::set<colmap::camera_t>& camera_ids,
     if (camera_ids.count(camera_id) == 0 || seen.insert(camera_id).second) {
       continue;
     }
-    const colmap::camera_t new_id = next_id++;
+    const colmap::camera_t new_id = FreeCameraId(*scene, next_id);
+    next_id = new_id + 1;
     colmap::Camera camera = scene->cameras.at(camera_id);
     camera.SetCameraId(new_id);
     scene->cameras.emplace(new_id, camera);

@@ -48,6 +48,31 @@ TEST(SplitCameras, EachImageGetsACameraWithAllThatIsKnown) {
   EXPECT_EQ(beliefs.focal_priors.at(12).focal_px, 500);
 }
 
+// The greatest id, 2^32 - 1, stands for no camera.
+TEST(SplitCameras, IdsGoOnFromOneAfterTheGreatest) {
+  Scene scene;
+  constexpr colmap::camera_t kLastId = colmap::kInvalidCameraId - 1;
+  for (const colmap::camera_t id : {colmap::camera_t(1), kLastId}) {
+    colmap::Camera camera;
+    camera.SetCameraId(id);
+    camera.InitializeWithName("SIMPLE_RADIAL", 500, 640, 480);
+    scene.cameras.emplace(id, camera);
+  }
+  for (colmap::image_t id = 1; id <= 3; ++id) {
+    colmap::Image image;
+    image.SetImageId(id);
+    image.SetCameraId(kLastId);
+    scene.images.emplace(id, image);
+  }
+  CameraOrigins origins;
+  SplitCameras({kLastId}, &scene, &origins);
+  EXPECT_EQ(origins, CameraOrigins({{2, kLastId}, {3, kLastId}}));
+  EXPECT_EQ(scene.images.at(1).CameraId(), kLastId);
+  EXPECT_EQ(scene.images.at(2).CameraId(), 2);
+  EXPECT_EQ(scene.images.at(3).CameraId(), 3);
+  EXPECT_EQ(scene.cameras.at(3).CameraId(), 3);
+}
+
 TEST(UntieImages, FewLeaveAndManyEndTheGroup) {
   Scene scene = TwoEntries();
   CameraOrigins origins;
