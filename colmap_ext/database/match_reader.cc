@@ -47,7 +47,11 @@ MatchReader::MatchReader(const SqliteConnection& connection, const Scene& scene)
       select_putative_(connection, kSelectRow + kPutative + " AND pair_id = ?"),
       select_verified_(connection,
                        kSelectRow + kVerified + " AND pair_id = ?") {
-  SqliteStatement select(connection, "SELECT image_id, rows FROM keypoints");
+  // Only rows of images, whose ids are checked: a greater id cut to 32 bits
+  // would be that of another image.
+  SqliteStatement select(connection,
+                         "SELECT image_id, rows FROM keypoints "
+                         "JOIN images USING (image_id)");
   while (select.Step()) {
     num_keypoints_[static_cast<colmap::image_t>(select.Int(0))] = select.Int(1);
   }

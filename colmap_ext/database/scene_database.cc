@@ -131,8 +131,16 @@ class SceneReader {
                            "prior_focal_length FROM cameras");
     while (select.Step()) {
       const colmap::Camera camera = ReadCamera(select);
-      scene_.cameras.emplace(camera.CameraId(), camera);
+      CheckIsNew(scene_.cameras.emplace(camera.CameraId(), camera).second,
+                 "cameras have the id",
+                 camera.CameraId());
     }
+  }
+
+  // COLMAP's tables have unique ids, but copies of them made by CREATE TABLE AS
+  // have not, nor do damaged files.
+  void CheckIsNew(bool is_new, const std::string& problem, int64_t id) const {
+    if (!is_new) throw connection_.Error() << "two " << problem << " " << id;
   }
 
   colmap::Camera ReadCamera(const SqliteStatement& row) const {
@@ -223,7 +231,9 @@ class SceneReader {
       image.SetImageId(static_cast<colmap::image_t>(image_id));
       image.SetName(name);
       image.SetCameraId(static_cast<colmap::camera_t>(camera_id));
-      scene_.images.emplace(image.ImageId(), image);
+      CheckIsNew(scene_.images.emplace(image.ImageId(), image).second,
+                 "images have the id",
+                 image.ImageId());
     }
     if (scene_.images.empty()) {
       throw connection_.Error() << "has no images; run feature_extractor first";
@@ -234,9 +244,14 @@ class SceneReader {
     SqliteStatement select(connection_,
                            "SELECT image_id, rows, cols, data "
                            "FROM keypoints JOIN images USING (image_id)");
+    std::unordered_set<colmap::image_t> has_keypoints;
     while (select.Step()) {
       colmap::Image& image =
           scene_.images.at(static_cast<colmap::image_t>(select.Int(0)));
+      if (!has_keypoints.insert(image.ImageId()).second) {
+        throw connection_.Error()
+            << "image " << image.Name() << " has two rows of key points";
+      }
       image.SetPoints2D(
           RestrictToKept(scene_.kept_keypoints,
                          image.ImageId(),

@@ -10,6 +10,16 @@ namespace {
 
 using Part = std::set<colmap::camera_t>;
 
+// The next id after `id` that no camera of the scene has. Ids go on from 1
+// after the greatest one, which stands for no camera.
+colmap::camera_t NextFreeCameraId(const Scene& scene, colmap::camera_t id) {
+  do {
+    ++id;
+  } while (id == 0 || id == colmap::kInvalidCameraId ||
+           scene.cameras.count(id) > 0);
+  return id;
+}
+
 }  // namespace
 
 ImageCameras CamerasOf(const Scene& scene,
@@ -22,7 +32,7 @@ ImageCameras CamerasOf(const Scene& scene,
   }
   colmap::camera_t own_id = scene.cameras.rbegin()->first;
   for (const auto& [image_id, image] : scene.images) {
-    ++own_id;
+    own_id = NextFreeCameraId(scene, own_id);
     if (result.camera_of_image.count(image_id) > 0) {
       result.own_ids[image_id] = own_id;
     }

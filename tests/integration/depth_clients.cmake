@@ -32,11 +32,15 @@ dgsfm_add_script_test(EstimateDepth.CallsModelsAsPublished
 dgsfm_add_script_test(Databases.OfEveryColmapAreExtended
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/client_databases.py)
-dgsfm_add_script_test(Faults.OutputIsOldOrNew
-  ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
-  FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
-  ASAN_OPTIONS=verify_asan_link_order=0
-  ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/output_faults_test.py)
+# The script samples the calls at which it injects faults; "all" takes each.
+foreach(CASE model_renderer model_evaluator depth_exporter depth_exporter_bin
+        depth_exporter_3dgs depth_global_mapper threads)
+  dgsfm_add_script_test(Faults.OutputIsOldOrNew.${CASE}
+    ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+    FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
+    ASAN_OPTIONS=verify_asan_link_order=0
+    ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/output_faults_test.py ${CASE})
+endforeach()
 # The script's default are 2000 databases and 500 models.
 dgsfm_add_script_test(Faults.HostileInputEndsWithAnError
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>

@@ -1,12 +1,13 @@
 """Kills a command that writes a database and lets it go on.
 
-Usage: COLMAP=PATH FAULT_LIBRARY=PATH importer_kill_test.py COMMAND [NUM_KILLS]
+Usage: COLMAP=PATH FAULT_LIBRARY=PATH importer_kill_test.py COMMAND
+           [NUM_KILLS [all]]
 
 COMMAND is depth_importer, dense_match_importer or depth_geometric_verifier.
-It is killed at random moments (50) and at calls that write. After every kill
-the database passes SQLite's integrity check, and in the end it holds what an
-undisturbed run gives. Exit code 77 without NumPy and
-pycolmap.
+It is killed at random moments (50), and in a run with less data at calls that
+change files: at a sample of them, or with "all" at each. After every kill the database passes SQLite's
+integrity check and is read by pycolmap, and in the end it holds what an
+undisturbed run gives. Exit code 77 without NumPy and pycolmap.
 """
 
 import os
@@ -50,9 +51,8 @@ def make_images(path, num_images, num_keypoints):
 class DepthImporter:
     """Each image as a whole or not at all."""
 
-    total = 60
-
-    def __init__(self, folder):
+    def __init__(self, folder, is_small):
+        self.total = 6 if is_small else 60
         rng = np.random.default_rng(0)
         (folder / "depth").mkdir()
         for name in make_images(folder / "start.db", self.total, 200):
@@ -70,33 +70,35 @@ class DepthImporter:
 class DenseMatchImporter:
     """All pairs or none."""
 
-    total = 105
-
-    def __init__(self, folder):
+    def __init__(self, folder, is_small):
+        self.num_images = 4 if is_small else 15
+        self.total = self.num_images * (self.num_images - 1) // 2
+        num_matches = 200 if is_small else 2000
         rng = np.random.default_rng(0)
-        names = make_images(folder / "start.db", 15, 0)
+        names = make_images(folder / "start.db", self.num_images, 0)
         (folder / "matches").mkdir()
         for i, name1 in enumerate(names):
             for name2 in names[i + 1 :]:
-                matches = rng.uniform(0, 480, (2000, 4)).astype(np.float32)
+                matches = rng.uniform(0, 480, (num_matches, 4)).astype(np.float32)
                 file = folder / "matches" / f"{name1}_{name2}.npz"
                 np.savez(file, matches=matches)
         self.options = ["--match_path", folder / "matches"]
 
     def count(self, rows):
         assert len(rows["matches"]) in (0, self.total)
-        assert len(rows["keypoints"]) == (15 if rows["matches"] else 0)
+        assert len(rows["keypoints"]) == (self.num_images if rows["matches"] else 0)
         return len(rows["matches"])
 
 
 class DepthGeometricVerifier:
     """Each pair as a whole or not at all."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, is_small):
         subprocess.run(
             [
                 COLMAP, "depth_scene_synthesizer", "--output_path", folder / "scene",
-                "--database_only", "1", "--num_images", "16",
+                "--database_only", "1", "--num_images", "6" if is_small else "16",
+                "--num_points_per_image", "100" if is_small else "1000",
             ],
             check=True, capture_output=True,
         )  # fmt: skip
@@ -132,77 +134,125 @@ def read_all(path):
     return rows
 
 
-def start_anew(folder):
-    for file in folder.glob("killed.db*"):
+def check_pycolmap_reads(path, folder):
+    """Reads a copy, as opening a database may convert it."""
+    for file in folder.glob("copy.db*"):
         file.unlink()
-    shutil.copyfile(folder / "start.db", folder / "killed.db")
+    for file in folder.glob(path.name + "*"):
+        shutil.copyfile(file, folder / file.name.replace(path.stem, "copy"))
+    with pycolmap.Database.open(folder / "copy.db") as database:
+        for image in database.read_all_images():
+            database.read_keypoints(image.image_id)
+        database.read_all_matches()
+
+
+class Run:
+    """A command on a database of its own, and what it gives undisturbed."""
+
+    def __init__(self, name, folder, is_small):
+        folder.mkdir()
+        self.name = name
+        self.folder = folder
+        self.killed = folder / "killed.db"
+        self.task = COMMANDS[name](folder, is_small)
+        shutil.copyfile(folder / "start.db", folder / "whole.db")
+        begin = time.monotonic()
+        subprocess.run(self.command("whole.db"), check=True, capture_output=True)
+        self.duration = time.monotonic() - begin
+        self.expected = read_all(folder / "whole.db")
+        assert self.task.count(self.expected) == self.task.total
+
+    def command(self, database):
+        database = self.folder / database
+        return [COLMAP, self.name, "--database_path", database, *self.task.options]
+
+    def start_anew(self):
+        for file in self.folder.glob("killed.db*"):
+            file.unlink()
+        shutil.copyfile(self.folder / "start.db", self.killed)
+
+    def run_with_fault(self, fault):
+        environment = {
+            "LD_PRELOAD": os.environ["FAULT_LIBRARY"],
+            "DGSFM_FAULT": fault,
+        }
+        return subprocess.run(
+            self.command("killed.db"), capture_output=True, check=False,
+            env={**os.environ, **environment},
+        )  # fmt: skip
+
+    def kill_at_random(self, num_kills):
+        """Returns how many of the kills left a part of the work."""
+        num_partial = 0
+        self.start_anew()
+        for _ in range(num_kills):
+            process = subprocess.Popen(
+                self.command("killed.db"),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+            time.sleep(random.uniform(0, self.duration))
+            process.kill()
+            process.wait()
+            rows = read_all(self.killed)
+            num_partial += 0 < self.task.count(rows) < self.task.total
+            if self.task.count(rows) == self.task.total:
+                assert rows == self.expected
+                self.start_anew()
+        result = subprocess.run(
+            self.command("killed.db"), capture_output=True, text=True
+        )
+        if result.returncode != 0:
+            # Dense matches are complete already, and not replaced unasked.
+            assert "has keypoints of" in result.stderr, result.stderr
+        assert read_all(self.killed) == self.expected
+        return num_partial
+
+    def kill_at_calls(self, is_all):
+        """Returns the numbers of kills and of calls."""
+        self.start_anew()
+        result = self.run_with_fault(f"count:{self.folder / 'count'}")
+        assert result.returncode == 0, result.stderr
+        num_calls = int((self.folder / "count").read_text())
+        assert num_calls > 10
+        calls = list(range(1, num_calls + 1))
+        if not is_all:
+            # The first ones one by one, later ones in growing steps.
+            calls = [1]
+            while calls[-1] + 1 + calls[-1] // 3 <= num_calls:
+                calls.append(calls[-1] + 1 + calls[-1] // 3)
+        num_killed = 0
+        for call in calls:
+            self.start_anew()
+            process = self.run_with_fault(f"kill:{call}")
+            # Threads may make the number of calls differ between runs.
+            assert process.returncode in (-9, 0), process.stderr
+            num_killed += process.returncode != 0
+            check_pycolmap_reads(self.killed, self.folder)
+            rows = read_all(self.killed)
+            if process.returncode != 0 and self.task.count(rows) < self.task.total:
+                subprocess.run(
+                    self.command("killed.db"), check=True, capture_output=True
+                )
+                rows = read_all(self.killed)
+            assert rows == self.expected, f"kill:{call}"
+        assert num_killed > 0.9 * len(calls)
+        return num_killed, num_calls
 
 
 def main():
     name = sys.argv[1]
     num_kills = int(sys.argv[2]) if len(sys.argv) > 2 else 50
+    is_all = sys.argv[3:4] == ["all"]
     random.seed(0)
     with tempfile.TemporaryDirectory() as temporary_name:
         folder = pathlib.Path(temporary_name)
-        task = COMMANDS[name](folder)
-
-        def command(database):
-            return [COLMAP, name, "--database_path", folder / database, *task.options]
-
-        shutil.copyfile(folder / "start.db", folder / "whole.db")
-        begin = time.monotonic()
-        subprocess.run(command("whole.db"), check=True, capture_output=True)
-        duration = time.monotonic() - begin
-        expected = read_all(folder / "whole.db")
-        assert task.count(expected) == task.total
-
-        num_partial = 0
-        start_anew(folder)
-        for _ in range(num_kills):
-            process = subprocess.Popen(
-                command("killed.db"),
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-            time.sleep(random.uniform(0, duration))
-            process.kill()
-            process.wait()
-            rows = read_all(folder / "killed.db")
-            num_partial += 0 < task.count(rows) < task.total
-            if task.count(rows) == task.total:
-                assert rows == expected
-                start_anew(folder)
-        result = subprocess.run(command("killed.db"), capture_output=True, text=True)
-        if result.returncode != 0:
-            # Dense matches are complete already, and not replaced unasked.
-            assert "has keypoints of" in result.stderr, result.stderr
-        assert read_all(folder / "killed.db") == expected
+        num_partial = Run(name, folder / "large", False).kill_at_random(num_kills)
         print(f"{num_kills} kills, {num_partial} of them left a part")
-
-        # The first calls one by one, later ones in growing steps.
-        call = 0
-        is_killed = True
-        while is_killed:
-            call += 1 + call // 3
-            start_anew(folder)
-            environment = {
-                "LD_PRELOAD": os.environ["FAULT_LIBRARY"],
-                "DGSFM_FAULT": f"kill:{call}",
-            }
-            process = subprocess.run(
-                command("killed.db"), capture_output=True, check=False,
-                env={**os.environ, **environment},
-            )  # fmt: skip
-            is_killed = process.returncode != 0
-            rows = read_all(folder / "killed.db")
-            if is_killed and task.count(rows) < task.total:
-                subprocess.run(command("killed.db"), check=True, capture_output=True)
-                rows = read_all(folder / "killed.db")
-            assert rows == expected
-        print(f"killed up to call {call}")
-        assert call > 10
         if num_kills >= 20 and name != "dense_match_importer":
             assert num_partial > 0, "no kill hit the work"
+        num_killed, num_calls = Run(name, folder / "small", True).kill_at_calls(is_all)
+        print(f"killed at {num_killed} of {num_calls} calls")
 
 
 if __name__ == "__main__":

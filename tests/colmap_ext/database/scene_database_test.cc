@@ -278,6 +278,38 @@ TEST_P(SceneDatabaseTest, NamesPairAtFault) {
   ExpectSceneFails(path_, {"pair id -5", "out of range"});
 }
 
+// Copies of tables have no unique ids.
+TEST_P(SceneDatabaseTest, NamesWhatIsThereTwice) {
+  Execute("PRAGMA foreign_keys = OFF");
+  const auto double_row = [this](const std::string& table) {
+    Execute("CREATE TABLE copy AS SELECT * FROM " + table);
+    Execute("DROP TABLE " + table);
+    Execute("ALTER TABLE copy RENAME TO " + table);
+    Execute("INSERT INTO " + table + " SELECT * FROM " + table +
+            " WHERE rowid = 1");
+  };
+  double_row("keypoints");
+  ExpectSceneFails(path_, {"image a.jpg", "two rows of key points"});
+  Execute("DELETE FROM keypoints WHERE rowid = 3");
+  double_row("images");
+  Execute("UPDATE images SET name = 'd.jpg' WHERE rowid = 4");
+  ExpectSceneFails(path_, {"two images have the id 1"});
+  Execute("DELETE FROM images WHERE rowid = 4");
+  double_row("cameras");
+  ExpectSceneFails(path_, {"two cameras have the id 1"});
+}
+
+TEST_P(SceneDatabaseTest, CountsKeypointsOfImagesOnly) {
+  Execute("PRAGMA foreign_keys = OFF");
+  // Its lower 32 bits are the id of a.jpg, which has three key points.
+  Execute(
+      "INSERT INTO keypoints(image_id, rows, cols, data) "
+      "VALUES (4294967297, 9, 2, x'')");
+  Execute("UPDATE matches SET data = x'03000000010000000200000000000000'");
+  ExpectSceneFails(path_,
+                   {"pair a.jpg - b.jpg", "key point 3 of a.jpg, which has 3"});
+}
+
 TEST_P(SceneDatabaseTest, NamesMatchedImageWithoutKeypoints) {
   writer_.AddMatches(1, 3, {{0, 0}}, false);
   ExpectSceneFails(path_, {"image c.jpg has no key points"});

@@ -64,6 +64,29 @@ TEST(SplitCameras, DoesNotDependOnTheOtherPartsOfAScene) {
   EXPECT_EQ(second.camera_of_image.at(5), 10);
 }
 
+// The greatest id, 2^32 - 1, stands for no camera.
+TEST(SplitCameras, IdsGoOnFromOneAfterTheGreatest) {
+  Scene scene;
+  constexpr colmap::camera_t kLastId = colmap::kInvalidCameraId - 1;
+  for (const colmap::camera_t id : {colmap::camera_t(1), kLastId}) {
+    colmap::Camera camera;
+    camera.SetCameraId(id);
+    camera.InitializeWithName("SIMPLE_RADIAL", 500, 640, 480);
+    scene.cameras.emplace(id, camera);
+  }
+  for (colmap::image_t id = 1; id <= 3; ++id) {
+    colmap::Image image;
+    image.SetImageId(id);
+    image.SetCameraId(kLastId);
+    scene.images.emplace(id, image);
+  }
+  ImageCameras cameras = CamerasOf(scene, {1, 2, 3});
+  SplitCameras({kLastId}, &cameras);
+  EXPECT_EQ(cameras.origins, CameraOrigins({{3, kLastId}, {4, kLastId}}));
+  EXPECT_EQ(cameras.camera_of_image.at(1), kLastId);
+  EXPECT_EQ(cameras.cameras.at(4).CameraId(), 4);
+}
+
 TEST(UntieImages, FewLeaveAndManyEndTheGroup) {
   const ImageCameras cameras = SplitEntries();
   // The entry and another camera were one group.
