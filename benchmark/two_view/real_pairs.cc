@@ -1,8 +1,12 @@
 // Accuracy of the two-view estimator on the image pairs of COLMAP databases
-// with ground truth, focal lengths unknown. Prints a Markdown table, a row per
-// set and one for the pairs of all of them.
+// with ground truth. Prints a Markdown table, a row per set and one for the
+// pairs of all of them.
 //
-//   real_pairs DEPTH SET...
+//   real_pairs [two | shared | known] [paper] [complete] DEPTH SET...
+//
+// Focal lengths are two unknown ones (the default), one unknown one for both
+// images, or the true ones. "paper" takes the published estimator, "complete"
+// the pairs alone whose images both have a depth map.
 //
 // SET holds database.db, gt/ (a text model, and pairs.txt with "name1 name2
 // inliers share" per verified pair) and a folder for each DEPTH ("none":
@@ -18,7 +22,9 @@
 #include <map>
 #include <sstream>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "benchmark/two_view/pair_statistics.h"
 
@@ -26,6 +32,12 @@ namespace dgsfm {
 namespace {
 
 namespace fs = std::filesystem;
+
+struct Settings {
+  FocalCase focal_case = FocalCase::TWO;
+  bool complete_only = false;
+  TwoViewDepthOptions estimator;
+};
 
 struct ImageSet {
   Scene scene;
@@ -133,43 +145,74 @@ TwoViewModel Truth(const ImageSet& set,
 
 void Run(const fs::path& folder,
          const std::string& depth_name,
+         const Settings& settings,
          PairStatistics* all) {
   const ImageSet set = ReadImageSet(folder);
   const auto depths = ReadDepths(set, folder / depth_name);
   PairStatistics statistics;
+  int num_pairs = 0;
   for (auto [name1, name2] : set.pairs) {
     if (set.image_ids.at(name1) > set.image_ids.at(name2)) {
       std::swap(name1, name2);
     }
-    const TwoViewDepthInput input = CreateInput(
-        set, depths, set.image_ids.at(name1), set.image_ids.at(name2));
+    const colmap::image_t image_id1 = set.image_ids.at(name1);
+    const colmap::image_t image_id2 = set.image_ids.at(name2);
+    if (settings.complete_only &&
+        (depths.count(image_id1) == 0 || depths.count(image_id2) == 0)) {
+      continue;
+    }
+    ++num_pairs;
+    const TwoViewModel truth = Truth(set, name1, name2);
+    TwoViewDepthInput input = CreateInput(set, depths, image_id1, image_id2);
+    input.focal_case = settings.focal_case;
+    if (settings.focal_case == FocalCase::KNOWN) {
+      input.focal_length1_px = truth.focal1;
+      input.focal_length2_px = truth.focal2;
+    }
     double milliseconds;
     const TwoViewDepthResult result =
-        EstimateTimed(input, TwoViewDepthOptions(), &milliseconds);
+        EstimateTimed(input, settings.estimator, &milliseconds);
     for (PairStatistics* to : {&statistics, all}) {
-      to->Add(result,
-              Truth(set, name1, name2),
-              /*scale_is_known=*/false,
-              milliseconds);
+      to->Add(result, truth, /*scale_is_known=*/false, milliseconds);
     }
   }
   statistics.Print(folder.filename().string() + ", " + depth_name + ", " +
-                   std::to_string(set.pairs.size()) + " pairs");
+                   std::to_string(num_pairs) + " pairs");
 }
 
 }  // namespace
 }  // namespace dgsfm
 
 int main(int argc, char** argv) {
-  if (argc < 3) {
-    std::fprintf(stderr, "usage: real_pairs DEPTH SET...\n");
+  dgsfm::Settings settings;
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  const auto take = [&arguments](const std::string& name) {
+    const bool found = !arguments.empty() && arguments.front() == name;
+    if (found) arguments.erase(arguments.begin());
+    return found;
+  };
+  if (take("shared")) {
+    settings.focal_case = dgsfm::FocalCase::SHARED;
+  } else if (take("known")) {
+    settings.focal_case = dgsfm::FocalCase::KNOWN;
+  } else {
+    take("two");
+  }
+  settings.estimator.paper = take("paper");
+  settings.complete_only = take("complete");
+  if (arguments.size() < 2) {
+    std::fprintf(stderr,
+                 "usage: real_pairs [two | shared | known] [paper] [complete] "
+                 "DEPTH SET...\n");
     return 2;
   }
   try {
     dgsfm::PairStatistics::PrintHeader("set");
     dgsfm::PairStatistics all;
-    for (int i = 2; i < argc; ++i) dgsfm::Run(argv[i], argv[1], &all);
-    all.Print(std::string("all, ") + argv[1]);
+    for (size_t i = 1; i < arguments.size(); ++i) {
+      dgsfm::Run(arguments[i], arguments[0], settings, &all);
+    }
+    all.Print("all, " + arguments[0]);
   } catch (const std::exception& e) {
     std::fprintf(stderr, "ERROR: %s\n", e.what());
     return 1;

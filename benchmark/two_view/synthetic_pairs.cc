@@ -102,10 +102,7 @@ int main(int argc, char** argv) {
   const std::string filter = argc > 2 ? argv[2] : "";
   dgsfm::TwoViewDepthOptions options;
   options.max_epipolar_error_px = 2;  // twice the noise of the points
-  if (argc > 3 && std::string(argv[3]) == "paper") {
-    options.paper = true;
-    options.min_num_trials = options.max_num_trials = 1000;
-  }
+  options.paper = argc > 3 && std::string(argv[3]) == "paper";
   dgsfm::PairStatistics::PrintHeader("outliers / depth noise");
   for (const dgsfm::Row& row : dgsfm::Rows()) {
     if (row.name.find(filter) == std::string::npos) continue;

@@ -31,13 +31,18 @@ void AddRow(const TwoViewStep& row,
 // Sum of robustified squares.
 class LossSum {
  public:
-  LossSum(bool cauchy, double max_sq_error)
-      : cauchy_(cauchy), max_sq_error_(max_sq_error) {}
+  LossSum(TwoViewLoss loss, double max_sq_error)
+      : loss_(loss), max_sq_error_(max_sq_error) {}
 
   // Returns the derivative of the robustified square.
   double Add(double sq_error) {
+    if (loss_ == TwoViewLoss::CAUCHY) {
+      const double ratio = sq_error / max_sq_error_;
+      sum_ += max_sq_error_ * std::log1p(ratio);
+      return 1 / (1 + ratio);
+    }
     const bool is_inlier = sq_error < max_sq_error_;
-    if (!cauchy_) {
+    if (loss_ == TwoViewLoss::TRUNCATED_SQUARES) {
       sum_ += is_inlier ? sq_error : max_sq_error_;
       return is_inlier ? 1 : 0;
     }
@@ -49,7 +54,7 @@ class LossSum {
   }
 
   double Total() {
-    if (cauchy_) Flush();
+    if (loss_ == TwoViewLoss::TRUNCATED_CAUCHY) Flush();
     return sum_;
   }
 
@@ -61,7 +66,7 @@ class LossSum {
     product_ = 1;
   }
 
-  const bool cauchy_;
+  const TwoViewLoss loss_;
   const double max_sq_error_;
   double sum_ = 0;
   double product_ = 1;
@@ -181,7 +186,7 @@ void TwoViewCostFunction::AddEpipolar(const TwoViewModel& model,
   Eigen::Matrix<double, 9, 1> row;
   Eigen::Matrix3d slope;
   const double sq_inverse_stddev = Square(inverse_stddev_);
-  LossSum sum(options_.cauchy, max_sq_epipolar_);
+  LossSum sum(options_.loss, max_sq_epipolar_);
   for (int i = 0; i < data_.Size(); ++i) {
     const double error = data_.Sampson(F, i, normal ? &slope : nullptr);
     double weight = sum.Add(Square(error) * sq_inverse_stddev);
@@ -220,7 +225,7 @@ bool TwoViewCostFunction::Forward(const TwoViewModel& model,
 void TwoViewCostFunction::AddWhitened(const TwoViewModel& model,
                                       const DepthFields& fields,
                                       TwoViewCost* cost) const {
-  LossSum sum(options_.cauchy, max_sq_depth_);
+  LossSum sum(options_.loss, max_sq_depth_);
   for (int i = 0; i < data_.Size(); ++i) {
     if (!data_.HasDepths(i)) continue;
     Transfer transfer;
@@ -287,7 +292,7 @@ void TwoViewCostFunction::LinearizeWhitened(const TwoViewModel& model,
                                             NormalEquations* normal) {
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   whitenings_.assign(data_.Size(), Whitening());
-  LossSum sum(options_.cauchy, max_sq_depth_);
+  LossSum sum(options_.loss, max_sq_depth_);
   for (int i = 0; i < data_.Size(); ++i) {
     if (!data_.HasDepths(i)) continue;
     Transfer transfer;
@@ -308,7 +313,7 @@ void TwoViewCostFunction::AddReprojection(TransferDirection direction,
                                           const TwoViewModel& model,
                                           TwoViewCost* cost,
                                           NormalEquations* normal) const {
-  LossSum sum(options_.cauchy, max_sq_epipolar_);
+  LossSum sum(options_.loss, max_sq_epipolar_);
   for (int i = 0; i < data_.Size(); ++i) {
     if (!data_.HasDepths(i)) continue;
     Transfer transfer;
@@ -319,7 +324,6 @@ void TwoViewCostFunction::AddReprojection(TransferDirection direction,
                        data_.points2[i],
                        data_.depths2[i],
                        &transfer)) {
-      sum.Add(2 * max_sq_epipolar_);
       continue;
     }
     const Eigen::Vector2d residual = reprojection_weight_ * transfer.error_px;

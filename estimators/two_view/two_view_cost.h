@@ -28,8 +28,17 @@ enum class DepthTerm {
   // Parallax decides by itself whether a point tells of rotation or scale.
   WHITENED,
   // Forward and backward transfer error, two residuals of size 2, divided by
-  // max_reprojection_error_px [RePoseD].
+  // max_reprojection_error_px [RePoseD]. Points behind the cameras cost
+  // nothing.
   REPROJECTION,
+};
+
+enum class TwoViewLoss {
+  TRUNCATED_SQUARES,
+  // Cauchy's loss up to the truncation, constant beyond.
+  TRUNCATED_CAUCHY,
+  // Cauchy's loss with the truncation as its scale.
+  CAUCHY,
 };
 
 // Sum over matches, of
@@ -49,8 +58,7 @@ struct TwoViewCostOptions {
   // Truncation of the transfer error in DepthTerm::REPROJECTION [px], at
   // which it costs as much as a Sampson error of max_epipolar_error_px.
   double max_reprojection_error_px = 16;
-  // Cauchy's loss up to the truncation instead of squares.
-  bool cauchy = false;
+  TwoViewLoss loss = TwoViewLoss::TRUNCATED_SQUARES;
   FocalPrior focal_prior1;
   FocalPrior focal_prior2;
   // Of each coefficient of the smooth depth errors [1], 0 = no such errors;

@@ -3,6 +3,7 @@
 #include "estimators/median.h"
 #include "estimators/solvers/epipolar.h"
 #include "estimators/two_view/two_view_degeneracy.h"
+#include "estimators/two_view/two_view_published.h"
 
 #include <algorithm>
 #include <cmath>
@@ -84,7 +85,8 @@ class Finisher {
   DepthFields fields_ = DepthFields::Zero();
   // The matches without the smooth errors of their depths.
   TwoViewData corrected_data_;
-  // Of the refinement.
+  // Of the result.
+  std::vector<int> inliers_;
   TwoViewMatrix covariance_ = TwoViewMatrix::Zero();
 };
 
@@ -103,8 +105,7 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
   constexpr double kMinMaxEpipolarErrorRatio = 1e-3;
   TwoViewCostOptions cost_options =
       problem_.CostOptions(problem_.SearchTerm(with_depth));
-  cost_options.cauchy = true;
-  if (options_.paper) return cost_options;
+  cost_options.loss = TwoViewLoss::TRUNCATED_CAUCHY;
   const double max_error = options_.max_epipolar_error_px;
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   const std::vector<int> inliers = problem_.Inliers(model);
@@ -189,10 +190,8 @@ void Finisher::Refine() {
   for (int k = 1; k <= kNumRounds; ++k) {
     const Round& round = k < kNumRounds ? kNoiseRound : kLastRound;
     cost_options = EstimateNoise(model, candidate_.with_depth);
-    data = options_.paper ? data_
-                          : TrustedMatches(model,
-                                           cost_options.max_epipolar_error_px,
-                                           round.max_num_matches);
+    data = TrustedMatches(
+        model, cost_options.max_epipolar_error_px, round.max_num_matches);
     refinement_options.min_relative_decrease = round.min_relative_decrease;
     RefineModel(
         data, focal_case, cost_options, refinement_options, &model, &fields_);
@@ -267,7 +266,7 @@ void Finisher::ReportCovariance(TwoViewDepthResult* result) const {
 void Finisher::ReportDegeneracy(SplitMix64* random,
                                 TwoViewDepthResult* result) {
   const FocalRange& range = problem_.Range();
-  const TwoViewData inliers = data_.Subset(problem_.Inliers(candidate_.model));
+  const TwoViewData inliers = data_.Subset(inliers_);
   if (inliers.Size() == 0) return;
   // Of the deviations from a homography by noise alone, 98 % are below this;
   // relief of that size still tells something.
@@ -306,11 +305,10 @@ void Finisher::ReportDegeneracy(SplitMix64* random,
 
 void Finisher::Report(TwoViewDepthResult* result) const {
   TwoViewModel model = candidate_.model;
-  const std::vector<int> inliers = problem_.Inliers(model);
-  result->num_inliers = static_cast<int>(inliers.size());
+  result->num_inliers = static_cast<int>(inliers_.size());
   result->inlier_mask.assign(data_.Size(), 0);
   std::vector<double> angles;
-  for (const int i : inliers) {
+  for (const int i : inliers_) {
     result->inlier_mask[problem_.MatchIdx(i)] = 1;
     const auto intersection =
         IntersectRays(model, data_.points1[i], data_.points2[i]);
@@ -322,7 +320,7 @@ void Finisher::Report(TwoViewDepthResult* result) const {
   }
   int num_depths = 0;
   if (candidate_.with_depth) {
-    result->depth_noise = DepthNoise(data_, inliers, model, &num_depths);
+    result->depth_noise = DepthNoise(data_, inliers_, model, &num_depths);
   }
   result->used_depth_free_estimator = !candidate_.with_depth;
   result->has_scale = candidate_.with_depth
@@ -340,10 +338,19 @@ void Finisher::Report(TwoViewDepthResult* result) const {
 }
 
 TwoViewCandidate Finisher::Run(SplitMix64* random, TwoViewDepthResult* result) {
-  Refine();
-  if (problem_.Range().focal_case == FocalCase::KNOWN &&
-      candidate_.with_depth && !options_.paper) {
-    RefineWithoutDepth();
+  if (options_.paper) {
+    const PublishedRefinement refinement =
+        RefinePublishedModel(problem_, candidate_.model);
+    candidate_.model = refinement.model;
+    covariance_ = refinement.covariance;
+    inliers_ = refinement.inliers;
+  } else {
+    Refine();
+    if (problem_.Range().focal_case == FocalCase::KNOWN &&
+        candidate_.with_depth) {
+      RefineWithoutDepth();
+    }
+    inliers_ = problem_.Inliers(candidate_.model);
   }
   Report(result);
   ReportCovariance(result);

@@ -4,6 +4,7 @@
 #include "estimators/random.h"
 #include "estimators/two_view/two_view_final.h"
 #include "estimators/two_view/two_view_problem.h"
+#include "estimators/two_view/two_view_published.h"
 #include "estimators/two_view/two_view_search.h"
 
 #include <cmath>
@@ -139,7 +140,9 @@ TwoViewDepthResult EstimateTwoViewGeometryWithDepth(
   result.inlier_mask.assign(input.matches.points1.size(), 0);
   result.focal_length1_px = problem.Range().guess1;
   result.focal_length2_px = problem.Range().guess2;
-  const TwoViewSearchResult found = SearchTwoViewModel(problem, &random);
+  const TwoViewSearchResult found = options.paper
+                                        ? SearchPublishedModel(problem, &random)
+                                        : SearchTwoViewModel(problem, &random);
   Finish(problem, found, &random, &result);
   result.num_trials = found.num_trials;
   return result;

@@ -50,7 +50,7 @@ struct TwoViewDepthOptions {
   // Sampson error below which a match is an inlier [px].
   double max_epipolar_error_px = 1.0;
   // Reprojection error that weighs as much as max_epipolar_error_px in the
-  // hybrid refinement of the paper [px].
+  // refinement of the published estimator [px].
   double max_reprojection_error_px = 16.0;
   // Samples of matches; those with depth do not count if depth turns out to be
   // useless.
@@ -63,9 +63,9 @@ struct TwoViewDepthOptions {
   double max_focal_length_ratio = 4.0;
   // Fewer matches with depth than this leave the depth-free estimators alone.
   int min_num_depth_matches = 15;
-  // The published estimator (Sampson 1 px, reprojection 16 px, 1000 trials,
-  // hybrid refinement with a fixed weight) instead of the refinement whitened
-  // by the pair's own depth noise.
+  // The published estimator (two_view_published.h) instead of this project's.
+  // It makes exactly max_num_trials trials and uses neither the other limits
+  // of trials nor those of focal lengths and matches with depth.
   bool paper = false;
 
   bool IsValid(std::string* error) const;
@@ -119,7 +119,9 @@ struct TwoViewDepthResult {
   // Whether the focal lengths are evidence: estimated, plausible, identifiable.
   bool estimated_focal1 = false;
   bool estimated_focal2 = false;
-  // Per match: Sampson inlier in front of both cameras.
+  // Per match: Sampson inlier in front of both cameras. The published
+  // estimator has those from before its last refinement, with unknown focal
+  // lengths wherever they are.
   std::vector<uint8_t> inlier_mask;
   int num_inliers = 0;
   int num_trials = 0;

@@ -36,16 +36,20 @@ class DepthHypothesisSource : public HypothesisSource {
  public:
   DepthHypothesisSource(const TwoViewData& data,
                         const FocalRange& range,
+                        int guess_interval,
                         std::vector<int> candidates)
-      : data_(data), range_(range), candidates_(std::move(candidates)) {}
+      : data_(data),
+        range_(range),
+        guess_interval_(guess_interval),
+        candidates_(std::move(candidates)) {}
 
   int SampleSize() const override { return 3; }
 
   void Sample(SplitMix64* random,
               std::vector<Hypothesis>* hypotheses) override {
-    constexpr int kGuessInterval = 4;
     const std::array<int, 3> sample = SampleDistinct<3>(candidates_, random);
-    const bool guess = num_samples_++ % kGuessInterval == 0;
+    const bool guess =
+        guess_interval_ > 0 && num_samples_++ % guess_interval_ == 0;
     const TwoViewModels models =
         Solve(sample, guess ? FocalCase::KNOWN : range_.focal_case);
     hypotheses->clear();
@@ -108,6 +112,7 @@ class DepthHypothesisSource : public HypothesisSource {
 
   const TwoViewData& data_;
   const FocalRange range_;
+  const int guess_interval_;
   const std::vector<int> candidates_;
   int num_samples_ = 0;
 };
@@ -299,14 +304,14 @@ bool FocalRange::Contains(const TwoViewModel& model) const {
 }
 
 std::unique_ptr<HypothesisSource> CreateDepthHypothesisSource(
-    const TwoViewData& data, const FocalRange& range) {
+    const TwoViewData& data, const FocalRange& range, int guess_interval) {
   std::vector<int> candidates;
   for (int i = 0; i < data.Size(); ++i) {
     if (data.HasDepths(i)) candidates.push_back(i);
   }
   if (candidates.size() < 3) return nullptr;
   return std::make_unique<DepthHypothesisSource>(
-      data, range, std::move(candidates));
+      data, range, guess_interval, std::move(candidates));
 }
 
 std::unique_ptr<HypothesisSource> CreateEpipolarHypothesisSource(

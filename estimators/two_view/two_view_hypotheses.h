@@ -61,11 +61,10 @@ class HypothesisSource {
   virtual int SampleSize() const = 0;
 };
 
-// Three matches with depth. One sample in four keeps the guessed focal lengths,
-// which pays where depth says little about them (small rotations). Nothing if
-// less than three matches have depth.
+// Three matches with depth. One sample in `guess_interval` keeps the guessed
+// focal lengths, none with 0. Nothing if less than three matches have depth.
 std::unique_ptr<HypothesisSource> CreateDepthHypothesisSource(
-    const TwoViewData& data, const FocalRange& range);
+    const TwoViewData& data, const FocalRange& range, int guess_interval);
 
 // Five matches with the known or guessed focal lengths; with unknown ones in
 // turn with seven matches. Nothing if there are less matches than that.

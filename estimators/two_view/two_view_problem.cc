@@ -17,10 +17,20 @@ constexpr double kStddevPerThreshold = 0.5;
 // about this many independent ones, however many matches there are.
 constexpr double kNumIndependentDepths = 20;
 
-// Scores give up on bad models early if the order says nothing.
-std::vector<int> RandomOrder(size_t size, SplitMix64* random) {
-  std::vector<int> order(size);
-  for (size_t i = 0; i < size; ++i) order[i] = static_cast<int>(i);
+bool IsKnown(double depth) { return depth > 0 && std::isfinite(depth); }
+
+// Scores give up on bad models early if the order says nothing. The published
+// estimator has no use for matches without depth.
+std::vector<int> RandomOrder(const DepthMatches& matches,
+                             bool with_depth_only,
+                             SplitMix64* random) {
+  std::vector<int> order;
+  for (size_t i = 0; i < matches.points1.size(); ++i) {
+    if (!with_depth_only ||
+        (IsKnown(matches.depths1[i]) && IsKnown(matches.depths2[i]))) {
+      order.push_back(static_cast<int>(i));
+    }
+  }
   Shuffle(random, &order);
   return order;
 }
@@ -37,10 +47,7 @@ TwoViewData OrderedData(const DepthMatches& matches,
   data.depths1 = matches.depths1;
   data.depths2 = matches.depths2;
   for (size_t i = 0; i < data.depths1.size(); ++i) {
-    const auto known = [](double depth) {
-      return depth > 0 && std::isfinite(depth);
-    };
-    if (!known(data.depths1[i]) || !known(data.depths2[i])) {
+    if (!IsKnown(data.depths1[i]) || !IsKnown(data.depths2[i])) {
       data.depths1[i] = data.depths2[i] = 0;
     }
   }
@@ -65,7 +72,7 @@ TwoViewProblem::TwoViewProblem(const TwoViewDepthInput& input,
       image_unit1_px_(input.image_size1_px / 2),
       image_unit2_px_(input.image_size2_px / 2),
       min_num_inliers_(input.min_num_inliers),
-      order_(RandomOrder(input.matches.points1.size(), random)),
+      order_(RandomOrder(input.matches, options.paper, random)),
       data_(OrderedData(input.matches, order_)),
       scorer_(data_, options.max_epipolar_error_px) {
   for (int i = 0; i < data_.Size(); ++i) {
@@ -79,16 +86,13 @@ TwoViewCostOptions TwoViewProblem::CostOptions(DepthTerm depth_term) const {
   cost_options.stddev_px = kStddevPerThreshold * options_.max_epipolar_error_px;
   cost_options.max_epipolar_error_px = options_.max_epipolar_error_px;
   cost_options.max_reprojection_error_px = options_.max_reprojection_error_px;
-  if (!options_.paper) {
-    cost_options.focal_prior1 = range_.prior1;
-    cost_options.focal_prior2 = range_.prior2;
-  }
+  cost_options.focal_prior1 = range_.prior1;
+  cost_options.focal_prior2 = range_.prior2;
   return cost_options;
 }
 
 DepthTerm TwoViewProblem::SearchTerm(bool with_depth) const {
-  if (!with_depth) return DepthTerm::NONE;
-  return options_.paper ? DepthTerm::REPROJECTION : DepthTerm::WHITENED;
+  return with_depth ? DepthTerm::WHITENED : DepthTerm::NONE;
 }
 
 // Half of the matches taken for inliers.
@@ -117,10 +121,8 @@ TwoViewCandidate TwoViewProblem::Evaluate(const TwoViewModel& model,
     candidate.num_depth_inliers = cost.num_depth_inliers;
     depth_cost = cost.depth;
   }
-  if (!options_.paper) {
-    const double weight = cost_options.stddev_px / DepthCap();
-    candidate.cost += weight * weight * depth_cost;
-  }
+  const double weight = cost_options.stddev_px / DepthCap();
+  candidate.cost += weight * weight * depth_cost;
   return candidate;
 }
 

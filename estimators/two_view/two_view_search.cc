@@ -36,8 +36,6 @@ constexpr Round kGuessRounds[] = {{16, 3, 100, true},
                                   {2, 4, 200, true},
                                   {1, 5, 300, true}};
 constexpr Round kAttachedRounds[] = {{2, 3, 200, true}, {1, 4, 300, true}};
-constexpr Round kPaperRounds[] = {
-    {1, 25, std::numeric_limits<int>::max(), false}};
 
 class Search {
  public:
@@ -83,14 +81,15 @@ class Search {
 
 Search::Search(const TwoViewProblem& problem, SplitMix64* random)
     : problem_(problem), options_(problem.Options()), random_(random) {
+  // One sample in so many keeps the guessed focal lengths, which pays where
+  // depth says little about them (small rotations).
+  constexpr int kGuessInterval = 4;
   if (problem.NumDepthMatches() >= options_.min_num_depth_matches) {
-    depth_.source =
-        CreateDepthHypothesisSource(problem.Data(), problem.Range());
+    depth_.source = CreateDepthHypothesisSource(
+        problem.Data(), problem.Range(), kGuessInterval);
   }
-  if (!options_.paper || !depth_.source) {
-    epipolar_.source =
-        CreateEpipolarHypothesisSource(problem.Data(), problem.Range());
-  }
+  epipolar_.source =
+      CreateEpipolarHypothesisSource(problem.Data(), problem.Range());
 }
 
 TwoViewSearchResult Search::Run() {
@@ -106,9 +105,7 @@ TwoViewSearchResult Search::Run() {
   constexpr double kMargin = 2;
   double depth_share = !depth_.source ? 0 : !epipolar_.source ? 1 : kDepthShare;
   const int min_num_trials =
-      options_.paper
-          ? 0
-          : std::min(kMinNumTrialsToOptimize, options_.min_num_trials / 2);
+      std::min(kMinNumTrialsToOptimize, options_.min_num_trials / 2);
   while (depth_.source || epipolar_.source) {
     Stream& stream =
         random_->Below(1024) < depth_share * 1024 ? depth_ : epipolar_;
@@ -174,8 +171,7 @@ void Search::OptimizeBest(Stream* stream) {
 
 void Search::OptimizeWithDepth(const TwoViewModel& model) {
   Keep(problem_.Evaluate(model, true));
-  Keep(options_.paper ? Optimize(model, kPaperRounds, true)
-                      : Optimize(model, kDepthRounds, true));
+  Keep(Optimize(model, kDepthRounds, true));
 }
 
 void Search::OptimizeWithoutDepth(const TwoViewModel& model) {
@@ -205,14 +201,6 @@ TwoViewCandidate Search::Optimize(const TwoViewModel& start,
     if (round.capped) cost_options.log_depth_stddev *= problem_.DepthCap();
     TwoViewRefinementOptions refinement_options;
     refinement_options.max_num_iterations = round.max_num_iterations;
-    if (options_.paper) {
-      RefineModel(problem_.Data(),
-                  problem_.Range().focal_case,
-                  cost_options,
-                  refinement_options,
-                  &model);
-      continue;
-    }
     refinement_options.min_relative_decrease = 1e-3;
     const std::vector<int> active =
         problem_.Near(model,

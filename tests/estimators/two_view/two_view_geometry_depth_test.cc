@@ -27,9 +27,16 @@ TwoViewDepthOptions NoisyOptions() {
   return options;
 }
 
+TwoViewDepthOptions PublishedOptions() {
+  TwoViewDepthOptions options = NoisyOptions();
+  options.paper = true;
+  return options;
+}
+
 struct GridStatistics {
   double auc5 = 0;
   double median_log_scale = 0;
+  double median_focal_ratio = 0;
 };
 
 // Over `num_pairs` synthetic pairs, their inputs changed by `change`.
@@ -38,19 +45,22 @@ GridStatistics RunGrid(
     FocalCase focal_case,
     int num_pairs,
     const std::function<void(TwoViewDepthInput*)>& change =
-        [](TwoViewDepthInput*) {}) {
-  std::vector<double> pose_errors, scale_errors;
+        [](TwoViewDepthInput*) {},
+    const TwoViewDepthOptions& options = NoisyOptions()) {
+  std::vector<double> pose_errors, scale_errors, focal_errors;
   for (int k = 0; k < num_pairs; ++k) {
     TwoViewScene scene =
         CreateTwoViewScene(scene_options, focal_case, 1000 + k);
     change(&scene.input);
     const TwoViewErrors errors = CompareWithTruth(
-        EstimateTwoViewGeometryWithDepth(scene.input, NoisyOptions()),
-        scene.truth);
+        EstimateTwoViewGeometryWithDepth(scene.input, options), scene.truth);
     pose_errors.push_back(errors.PoseDeg());
     scale_errors.push_back(errors.log_scale);
+    focal_errors.push_back(errors.focal_ratio);
   }
-  return {AreaUnderRecall(pose_errors, 5), MedianOf(scale_errors)};
+  return {AreaUnderRecall(pose_errors, 5),
+          MedianOf(scale_errors),
+          MedianOf(focal_errors)};
 }
 
 TEST(TwoViewGeometryDepth, NoiseFreePairsAreExact) {
@@ -376,22 +386,64 @@ TEST(TwoViewGeometryDepth, CovarianceTellsTheErrors) {
   EXPECT_GE(num_focals, 0.8 * kNumPairs);
 }
 
-TEST(TwoViewGeometryDepth, PaperPresetFindsScaleAndPose) {
-  TwoViewDepthOptions options = NoisyOptions();
-  options.paper = true;
-  TwoViewSceneOptions scene_options;
-  scene_options.log_depth_stddev = 0.03;
-  const TwoViewScene scene =
-      CreateTwoViewScene(scene_options, FocalCase::TWO, 11);
-  const TwoViewDepthResult result =
-      EstimateTwoViewGeometryWithDepth(scene.input, options);
-  ASSERT_TRUE(result.success);
-  EXPECT_TRUE(result.has_scale);
-  const TwoViewErrors errors = CompareWithTruth(result, scene.truth);
-  // Several times the medians at this noise.
-  EXPECT_LT(errors.PoseDeg(), 1.5);
-  EXPECT_LT(errors.log_scale, 0.05);
+// The flag needs no other option to be what was published.
+TEST(PublishedTwoViewGeometry, MakesAllTrialsByItself) {
+  TwoViewDepthOptions options;
+  for (const FocalCase focal_case : kAllFocalCases) {
+    const TwoViewScene scene = CreateTwoViewScene({}, focal_case, 7);
+    options.paper = false;
+    EXPECT_LT(EstimateTwoViewGeometryWithDepth(scene.input, options).num_trials,
+              1000);
+    options.paper = true;
+    EXPECT_EQ(EstimateTwoViewGeometryWithDepth(scene.input, options).num_trials,
+              1000);
+  }
 }
 
+void ExpectSameGeometry(const TwoViewDepthResult& result,
+                        const TwoViewDepthResult& expected) {
+  EXPECT_EQ(result.num_inliers, expected.num_inliers);
+  EXPECT_EQ(result.cam2_from_cam1.rotation.coeffs(),
+            expected.cam2_from_cam1.rotation.coeffs());
+  EXPECT_EQ(result.cam2_from_cam1.translation,
+            expected.cam2_from_cam1.translation);
+  EXPECT_EQ(result.focal_length1_px, expected.focal_length1_px);
+  EXPECT_EQ(result.focal_length2_px, expected.focal_length2_px);
+}
+
+TEST(PublishedTwoViewGeometry, HasNoGuessPriorOrRangeOfFocalLengths) {
+  for (const FocalCase focal_case : {FocalCase::SHARED, FocalCase::TWO}) {
+    const TwoViewScene scene = CreateTwoViewScene({}, focal_case, 5);
+    TwoViewDepthInput input = scene.input;
+    input.focal_length1_px *= 3;
+    input.focal_prior2 = {100, 0.01};
+    input.image_size1_px *= 100;
+    ExpectSameGeometry(
+        EstimateTwoViewGeometryWithDepth(input, PublishedOptions()),
+        EstimateTwoViewGeometryWithDepth(scene.input, PublishedOptions()));
+  }
+}
+
+TEST(PublishedTwoViewGeometry, TakesMatchesWithDepthAlone) {
+  TwoViewScene scene = CreateTwoViewScene({}, FocalCase::TWO, 5);
+  const TwoViewDepthResult expected =
+      EstimateTwoViewGeometryWithDepth(scene.input, PublishedOptions());
+  DepthMatches& matches = scene.input.matches;
+  const size_t size = matches.points1.size();
+  for (size_t i = 0; i < size; ++i) {
+    matches.points1.push_back(matches.points1[i]);
+    matches.points2.push_back(matches.points2[i]);
+    matches.depths1.push_back(i % 2 ? 0 : matches.depths1[i]);
+    matches.depths2.push_back(i % 2 ? matches.depths2[i] : 0);
+  }
+  ExpectSameGeometry(
+      EstimateTwoViewGeometryWithDepth(scene.input, PublishedOptions()),
+      expected);
+  RemoveDepth(&scene.input);
+  EXPECT_FALSE(EstimateTwoViewGeometryWithDepth(scene.input, PublishedOptions())
+                   .success);
+}
+
+@ @AUC @ @
 }  // namespace
 }  // namespace dgsfm

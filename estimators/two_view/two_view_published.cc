@@ -1,0 +1,135 @@
+#include "estimators/two_view/two_view_published.h"
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+
+namespace dgsfm {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Refinements end by their number of iterations or where rounding stops them.
+constexpr double kMinRelativeDecrease = 1e-10;
+
+// Points behind the cameras count only against models with known focal lengths.
+bool ChecksCheirality(const TwoViewProblem& problem) {
+  return problem.Range().focal_case == FocalCase::KNOWN;
+}
+
+TwoViewScore Score(const TwoViewProblem& problem, const TwoViewModel& model) {
+  const TwoViewScorer& scorer = problem.Scorer();
+  return ChecksCheirality(problem)
+             ? scorer.Score(model)
+             : scorer.Score(model.FundamentalMatrix(), kInfinity);
+}
+
+std::vector<int> Inliers(const TwoViewProblem& problem,
+                         const TwoViewModel& model) {
+  return ChecksCheirality(problem)
+             ? problem.Inliers(model)
+             : problem.Near(model,
+                            problem.Options().max_epipolar_error_px,
+                            problem.Data().Size());
+}
+
+TwoViewCostOptions CostOptions(const TwoViewProblem& problem) {
+  TwoViewCostOptions cost_options =
+      problem.CostOptions(DepthTerm::REPROJECTION);
+  cost_options.focal_prior1 = cost_options.focal_prior2 = FocalPrior();
+  return cost_options;
+}
+
+void Refine(const TwoViewProblem& problem,
+            const TwoViewData& data,
+            const TwoViewCostOptions& cost_options,
+            int max_num_iterations,
+            TwoViewModel* model) {
+  TwoViewRefinementOptions options;
+  options.max_num_iterations = max_num_iterations;
+  options.min_relative_decrease = kMinRelativeDecrease;
+  RefineModel(data, problem.Range().focal_case, cost_options, options, model);
+}
+
+// A model refined over all matches.
+TwoViewModel Optimized(const TwoViewProblem& problem, TwoViewModel model) {
+  constexpr int kMaxNumIterations = 25;
+  Refine(
+      problem, problem.Data(), CostOptions(problem), kMaxNumIterations, &model);
+  return model;
+}
+
+std::unique_ptr<HypothesisSource> CreateSource(const TwoViewProblem& problem) {
+  FocalRange any = problem.Range();
+  any.min1 = any.min2 = 0;
+  any.max1 = any.max2 = kInfinity;
+  return CreateDepthHypothesisSource(problem.Data(), any, /*guess_interval=*/0);
+}
+
+}  // namespace
+
+TwoViewSearchResult SearchPublishedModel(const TwoViewProblem& problem,
+                                         SplitMix64* random) {
+  TwoViewSearchResult result;
+  TwoViewCandidate& best = result.with_depth;
+  const auto keep = [&](const TwoViewModel& model, const TwoViewScore& score) {
+    if (!model.IsFinite() || !(score.cost < best.cost)) return;
+    best.model = model;
+    best.with_depth = true;
+    best.score = score;
+    best.cost = score.cost;
+    best.num_depth_inliers = score.num_inliers;
+  };
+  const auto keep_optimized = [&](const TwoViewModel& start) {
+    const TwoViewModel model = Optimized(problem, start);
+    keep(model, Score(problem, model));
+  };
+  const std::unique_ptr<HypothesisSource> source = CreateSource(problem);
+  if (!source) return result;
+  std::vector<Hypothesis> hypotheses;
+  // Of the models of samples alone: optimised ones would leave nothing to do.
+  TwoViewScore best_sample;
+  while (result.num_trials < problem.Options().max_num_trials) {
+    ++result.num_trials;
+    source->Sample(random, &hypotheses);
+    const TwoViewModel* promising = nullptr;
+    for (const Hypothesis& hypothesis : hypotheses) {
+      const TwoViewScore score = Score(problem, hypothesis.model);
+      if (!(score.cost < best_sample.cost) &&
+          score.num_inliers <= best_sample.num_inliers) {
+        continue;
+      }
+      best_sample.cost = std::min(best_sample.cost, score.cost);
+      best_sample.num_inliers =
+          std::max(best_sample.num_inliers, score.num_inliers);
+      promising = &hypothesis.model;
+      keep(hypothesis.model, score);
+    }
+    if (promising) keep_optimized(*promising);
+  }
+  if (best.with_depth) keep_optimized(best.model);
+  return result;
+}
+
+PublishedRefinement RefinePublishedModel(const TwoViewProblem& problem,
+                                         const TwoViewModel& model) {
+  constexpr int kMaxNumIterations = 100;
+  // The scale of the loss by the thresholds.
+  constexpr double kLossRatioOfKnownFocals = 0.5;
+  PublishedRefinement result;
+  result.model = model;
+  result.inliers = Inliers(problem, model);
+  const TwoViewData data = problem.Data().Subset(result.inliers);
+  const FocalCase focal_case = problem.Range().focal_case;
+  TwoViewCostOptions cost_options = CostOptions(problem);
+  cost_options.loss = TwoViewLoss::CAUCHY;
+  if (focal_case == FocalCase::KNOWN) {
+    cost_options.max_epipolar_error_px *= kLossRatioOfKnownFocals;
+    cost_options.max_reprojection_error_px *= kLossRatioOfKnownFocals;
+  }
+  Refine(problem, data, cost_options, kMaxNumIterations, &result.model);
+  result.covariance = EstimateCovariance(
+      data, focal_case, cost_options, result.model, DepthFields::Zero());
+  return result;
+}
+
+}  // namespace dgsfm
