@@ -271,6 +271,8 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.position_initialization.use_depth = true;
   mapper.position_initialization.average_centers = false;
   mapper.position_initialization.use_median = true;
+  options->max_num_keypoints_per_image = 0;
+  mapper.refinement.global_positioning.eliminate_scales = false;
   mapper.skip_static_background = true;
   mapper.skip_depth_reliability = true;
   mapper.skip_reverification = true;

@@ -7,7 +7,7 @@
 namespace dgsfm {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNoBound = std::numeric_limits<double>::infinity();
 // Refinements end by their number of iterations or where rounding stops them.
 constexpr double kMinRelativeDecrease = 1e-10;
 
@@ -20,7 +20,7 @@ TwoViewScore Score(const TwoViewProblem& problem, const TwoViewModel& model) {
   const TwoViewScorer& scorer = problem.Scorer();
   return ChecksCheirality(problem)
              ? scorer.Score(model)
-             : scorer.Score(model.FundamentalMatrix(), kInfinity);
+             : scorer.Score(model.FundamentalMatrix(), kNoBound);
 }
 
 std::vector<int> Inliers(const TwoViewProblem& problem,
@@ -61,7 +61,7 @@ TwoViewModel Optimized(const TwoViewProblem& problem, TwoViewModel model) {
 std::unique_ptr<HypothesisSource> CreateSource(const TwoViewProblem& problem) {
   FocalRange any = problem.Range();
   any.min1 = any.min2 = 0;
-  any.max1 = any.max2 = kInfinity;
+  any.max1 = any.max2 = kNoBound;
   return CreateDepthHypothesisSource(problem.Data(), any, /*guess_interval=*/0);
 }
 

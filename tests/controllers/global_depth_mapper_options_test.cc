@@ -63,6 +63,8 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   EXPECT_TRUE(mapper.skip_pair_judging);
   EXPECT_TRUE(mapper.averaging.skip_alternatives);
   EXPECT_FALSE(options.use_exif);
+  EXPECT_EQ(options.max_num_keypoints_per_image, 0);
+  EXPECT_FALSE(mapper.refinement.global_positioning.eliminate_scales);
 }
 
 TEST(PaperPreset, SetsEachValueOfTheRefinement) {
