@@ -25,7 +25,7 @@ class KeypointMerger {
   const std::vector<Eigen::Vector2f>& Keypoints() const { return keypoints_; }
 
  private:
-  // Of the cell with these coordinates.
+  // Key of the cell with these coordinates.
   static uint64_t CellKey(int64_t x, int64_t y);
   uint32_t FindNearest(const Eigen::Vector2f& point) const;
 

@@ -82,8 +82,8 @@ struct PairGeometry {
   // filtered.
   colmap::FeatureMatches inlier_matches;
   std::vector<uint8_t> depth_verified;
-  // Of all that the geometry was computed from, by which a later run knows
-  // whether it still holds; 0 if unknown.
+  // Hash of all that the geometry was computed from, which decides whether it
+  // still holds in a later run; 0 if unknown.
   uint64_t fingerprint = 0;
 
   bool Has(PairDegeneracy degeneracy) const {

@@ -27,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Of the inverse depths of all images, this share is told apart; nearer ones
+// Share of the inverse depths of all images that the range covers; nearer ones
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
 
@@ -237,7 +237,7 @@ class Exporter {
     }
   }
 
-  // Of the images of the model or, without one, of the database, none yet.
+  // The images of the model or, without one, of the database, without scales.
   SplattingScales ImagesForSplatting(const std::vector<Job>& jobs) const {
     SplattingScales scales;
     if (model_) {

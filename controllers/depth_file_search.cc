@@ -61,7 +61,7 @@ FilesByName ListFolder(const std::string& folder) try {
   }
   return files;
 } catch (const fs::filesystem_error& error) {
-  // Of links in a circle the path is long and says nothing.
+  // The path of links in a circle is long and of no use.
   const bool is_circle =
       error.code() == std::errc::too_many_symbolic_link_levels;
   throw std::runtime_error(
@@ -85,7 +85,7 @@ FilesByName ListHdf5(const std::string& path) {
   }
 }
 
-// Of each image that has one.
+// File of each image that has one.
 std::map<colmap::image_t, std::string> MatchFilesToImages(
     const Scene& scene, const FilesByName& files, bool use_base_names) {
   std::map<colmap::image_t, std::string> file_of_image;

@@ -50,7 +50,7 @@ void AddFile(const std::string& path, FnvHash* hash) {
                 fs::last_write_time(path, error).time_since_epoch().count()});
 }
 
-// Of all that the depth of an image depends on, its key points excepted.
+// Hash of all that the depth of an image depends on, its key points excepted.
 uint64_t SourceFingerprint(const DepthFile& file,
                            const colmap::Camera& camera,
                            const DepthImportOptions& options) {
@@ -209,7 +209,7 @@ class FileImport {
   std::mutex connection_mutex_;
   const SqliteConnection connection_;
   DepthDatabase* database_;
-  // Of an import before.
+  // Images marked by an earlier import.
   const std::set<colmap::image_t> displayed_images_;
 };
 

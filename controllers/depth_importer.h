@@ -60,7 +60,7 @@ struct DepthImportSummary {
   // Images whose depth was there already, from the same file.
   size_t num_unchanged = 0;
   std::vector<std::string> images_without_depth;
-  // Of those, how many have depth from an earlier import.
+  // Number of those with depth from an earlier import.
   size_t num_kept = 0;
   std::vector<std::string> files_without_image;
 

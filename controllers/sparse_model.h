@@ -20,8 +20,8 @@ struct SparseModel {
   std::unordered_map<colmap::point3D_t, Eigen::Vector3d> points;
 };
 
-// Of a folder of several models the largest. Throws std::runtime_error naming
-// the file.
+// Reads a model, of a folder of several models the largest. Throws
+// std::runtime_error naming the file.
 SparseModel ReadSparseModel(const std::string& path);
 
 // Throws std::runtime_error naming model and image if the model has not both.

@@ -14,7 +14,7 @@ namespace dgsfm {
 // The file of an image, in the same sub-folder.
 std::string SplattingFileName(const std::string& image_name);
 
-// Of each image by its name; 0 for those without a map.
+// Scale of each image by its name; 0 for those without a map.
 using SplattingScales = std::map<std::string, double>;
 
 // Throws std::runtime_error if two images would share a file.

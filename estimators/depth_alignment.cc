@@ -27,8 +27,8 @@ constexpr double kCauchyWidth = 2.385;
 constexpr double kSigmaPerMedian = 1.4826;
 // Below, differences of depths have no meaning.
 constexpr double kMinSigma = 1e-6;
-// Of the field, relative to one point per node; from nearly linear to nearly
-// interpolating.
+// Weights of the field's smoothness against one point per node, from nearly
+// linear to nearly interpolating.
 constexpr std::array<double, 6> kSmoothness = {1000, 100, 10, 1, 0.1, 0.01};
 
 double MedianAbsolute(std::vector<double> values) {

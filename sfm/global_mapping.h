@@ -18,7 +18,7 @@ namespace dgsfm {
 struct DepthGlobalMapperResult {
   // Largest first; each has at least min_model_size registered images.
   std::vector<std::unique_ptr<colmap::Reconstruction>> models;
-  // Of the models, in their order.
+  // Units of the models, in their order.
   std::vector<MeasuredUnit> units;
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;

@@ -16,7 +16,7 @@ struct StageReport {
   // Counts in and out and other figures, in the order they were added.
   std::vector<std::pair<std::string, double>> figures;
   double seconds = 0;
-  // Of all threads.
+  // Processor time of all threads.
   double cpu_seconds = 0;
   // Largest resident memory of the process so far.
   double peak_memory_mb = 0;

@@ -34,7 +34,7 @@ void CheckSamples(const KeypointDepths& keypoint_depths) {
       keypoint_depths.depths.begin(), keypoint_depths.depths.end(), IsDepth));
 }
 
-// Of the blob of key points; a NULL is an empty one.
+// Hash of the blob of key points; a NULL is an empty one.
 uint64_t KeypointsFingerprint(const SqliteStatement& row, int column) {
   FnvHash hash;
   hash.AddAll(row.Blob<uint32_t>(column));
@@ -101,7 +101,7 @@ struct DepthDatabase::Impl {
 
   void WriteSamples(colmap::image_t image_id,
                     const KeypointDepths& keypoint_depths);
-  // Of a row of kSelectSamples.
+  // Reads a row of kSelectSamples.
   KeypointDepths ReadSamples(const SqliteStatement& row) const;
 
   SqliteConnection connection;

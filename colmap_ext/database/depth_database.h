@@ -60,7 +60,7 @@ class DepthDatabase {
   // kept.
   std::map<colmap::image_t, KeypointDepths> ReadAllKeypointDepths(
       const KeptKeypoints& kept = {}) const;
-  // Of one image, all of them; nothing if it has none.
+  // All samples of one image; nothing if it has none.
   std::optional<KeypointDepths> ReadKeypointDepths(
       colmap::image_t image_id) const;
   // KeypointDepths::source_fingerprint of the images with samples that are not
@@ -76,10 +76,10 @@ class DepthDatabase {
   // are restricted to the key points that are kept.
   std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries(
       const KeptKeypoints& kept = {}) const;
-  // Of all rows, by increasing pair id.
+  // Fingerprints of all rows, by increasing pair id.
   std::vector<std::pair<colmap::image_pair_t, uint64_t>> ReadPairFingerprints()
       const;
-  // Of all rows.
+  // Totals of all rows.
   PairTotals ReadPairTotals() const;
   void DeletePairGeometries(const std::vector<colmap::image_pair_t>& pair_ids);
   void DeleteAllPairGeometries();

@@ -46,7 +46,7 @@ std::vector<colmap::point2D_t> OrderToGive(
     return num_matches[a] != num_matches[b] ? num_matches[a] > num_matches[b]
                                             : a < b;
   });
-  // Of each part the best ones, then of each the second best, ...
+  // The best one of each part comes first, then the second best of each, ...
   std::vector<int> num_in_cell(kGridSize * kGridSize, 0);
   std::vector<std::pair<int, colmap::point2D_t>> ranked;
   for (const colmap::point2D_t i : indices) {

@@ -56,7 +56,7 @@ std::string CameraModelDescription(int64_t model_id) {
   return description;
 }
 
-// Of a row image_id, rows, cols, data.
+// Reads a row image_id, rows, cols, data.
 std::vector<Eigen::Vector2d> ReadPoints(const SqliteConnection& connection,
                                         const SqliteStatement& row,
                                         const std::string& name) {

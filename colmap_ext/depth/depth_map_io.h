@@ -45,7 +45,7 @@ struct DepthReadOptions {
 // Where the depth of an image is.
 struct DepthFile {
   std::string path;
-  // Of the image in an HDF5 file, otherwise empty.
+  // Group of the image in an HDF5 file, otherwise empty.
   std::string group;
   // A map of confidence in any format of one array, PNG of 8 bits too; empty
   // for none.

@@ -8,7 +8,7 @@ namespace dgsfm {
 
 namespace {
 
-// Of a frame of 36 mm x 24 mm.
+// Diagonal of a frame of 36 mm x 24 mm.
 constexpr double kFilmDiagonalMm = 43.2666;
 
 FITAG* FindTag(const ImageFile& header,

@@ -47,7 +47,7 @@ struct ModelPoint {
 // ones. Throws if there are none.
 std::vector<std::string> FindModels(const std::string& path);
 
-// Of those, the one with most images; the first if there are several.
+// The one of these with most images; the first if there are several.
 std::string FindLargestModel(const std::string& path);
 
 // Registered images by name. An empty model is no error.

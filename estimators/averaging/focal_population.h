@@ -10,7 +10,7 @@ namespace dgsfm {
 // Average of the estimates of one camera, see AverageFocals.
 struct CameraFocalEstimate {
   double log_focal_length = 0;
-  // Of the estimates, about their average [1], >= 0.
+  // Spread of the estimates about their average [1], >= 0.
   double log_spread = 0;
   // 0 if there is no estimate; the fields above are then ignored.
   int num_estimates = 0;

@@ -91,7 +91,7 @@ Eigen::VectorXd TrustOf(const std::vector<double>& num_closing_triangles) {
   return trust;
 }
 
-// Of each edge e = log(R_2^T R_21 R_1).
+// Residual of each edge: log(R_2^T R_21 R_1).
 Eigen::MatrixXd ComputeResiduals(
     const std::vector<RelativeRotation>& relatives,
     const std::vector<Eigen::Quaterniond>& estimates) {

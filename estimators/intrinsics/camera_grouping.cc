@@ -14,7 +14,7 @@ namespace dgsfm {
 
 namespace {
 
-// Of the variance of a group, each halving its interval.
+// Bisections of the interval of a group's variance.
 constexpr int kNumBisections = 40;
 
 struct FocalCluster {
@@ -122,7 +122,7 @@ std::vector<FocalCluster> ClusterFocals(const CameraGroupingOptions& options,
 
 // Quantile of chi-square for an upper tail (Wilson and Hilferty 1931).
 double ChiSquareQuantile(int degrees_of_freedom, double tail) {
-  // Of the normal distribution (Abramowitz and Stegun 26.2.23).
+  // Quantile of the normal distribution (Abramowitz and Stegun 26.2.23).
   const double t = std::sqrt(-2 * std::log(tail));
   const double normal =
       t - (2.515517 + t * (0.802853 + t * 0.010328)) /

@@ -40,7 +40,8 @@ struct CameraGroupingOptions {
 // Estimated parameters of cameras of one model and image size.
 struct CameraEstimates {
   int num_params_per_camera = 0;
-  // Of one camera after the other, the logarithm of the focal length first.
+  // Parameters of one camera after the other, the logarithm of the focal length
+  // first.
   Eigen::VectorXd params;
   Eigen::MatrixXd covariance;
 };

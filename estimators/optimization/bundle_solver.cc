@@ -17,7 +17,7 @@ namespace dgsfm {
 namespace {
 
 constexpr int kPose = 6;
-// Of log depths [standard deviations].
+// Scale of the Cauchy loss of log depths [standard deviations].
 constexpr double kDepthLossScale = 2;
 
 Eigen::Quaterniond RotationFromVector(const Eigen::Vector3d& vector) {

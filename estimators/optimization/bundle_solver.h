@@ -24,7 +24,7 @@ struct BundleCamera {
 struct BundleImage {
   Rigid3d cam_from_world;
   int camera = 0;
-  // Of the rotation vector and the translation, those that are held.
+  // Components of rotation vector and translation that are held.
   std::array<bool, 6> is_constant = {};
   // Standard deviation of the logarithm of its prior depths [1] and weight of a
   // deviation by it [px]; a weight of 0 leaves them out.

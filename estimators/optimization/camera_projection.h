@@ -6,7 +6,7 @@
 
 namespace dgsfm {
 
-// Of COLMAP 3.8's models.
+// Largest number of parameters of the camera models of COLMAP 3.8.
 constexpr int kMaxNumCameraParams = 12;
 
 // Derivatives of a projection [px] by the point in the camera frame and by the

@@ -237,7 +237,7 @@ class PositioningProblem
   std::vector<Eigen::Vector3d>& centers_;
   std::vector<Eigen::Vector3d>& points_;
   std::vector<double> log_factors_;
-  // Of a log distance of each camera, in its standard deviations.
+  // Weight of one log distance of each camera [1 / variance].
   std::vector<double> depth_weights_;
   std::vector<Eigen::Vector3d> saved_centers_, saved_points_;
   std::vector<double> saved_log_factors_;

@@ -10,8 +10,7 @@
 
 namespace dgsfm {
 
-// Of all observations, sorted by point and then by camera: no point sees one
-// camera after another of a higher index.
+// Cameras and points of all observations, sorted by point and then by camera.
 struct ObservationIndex {
   int num_cameras = 0;
   int num_points = 0;
@@ -38,7 +37,8 @@ class ObservationBlocks {
     return std::binary_search(block_begin_.begin(), block_begin_.end(), block);
   }
 
-  // Of an observation with itself and those that follow it at its point.
+  // Number of pairs of an observation with itself and those that follow it at
+  // its point.
   int NumPairsFrom(int k) const {
     return PointEnd(observations_.points[k]) - k;
   }
@@ -71,7 +71,7 @@ class ObservationBlocks {
   std::vector<int> camera_observations_;
   std::vector<size_t> block_begin_;
   std::vector<int> block_cameras_;
-  // Of each observation, in pair_blocks_.
+  // First entry of each observation in pair_blocks_.
   std::vector<size_t> pair_begin_;
   std::vector<int> pair_blocks_;
 };

@@ -134,8 +134,8 @@ class PointMinimizer {
   static constexpr double kMinGain = 1e-3;
   static constexpr double kRoundingShare = 1e-12;
   static constexpr int kChunkSize = 4096;
-  // Of the decrease at which all has converged, what one point must promise to
-  // be refined by itself.
+  // Share of the decrease at which all has converged that one point must
+  // promise to be refined by itself.
   static constexpr double kPointShare = 0.01;
   static constexpr int kMaxNumPointIterations = 10;
 

@@ -125,7 +125,7 @@ std::optional<ReducedCameraSystem::Marginal> ReducedCameraSystem::MarginalOf(
     return std::nullopt;
   }
   const auto count = Eigen::Index(params.size());
-  // Of the parameters' columns, and of the gradient.
+  // Right-hand sides: a unit vector for each parameter, and the gradient.
   Eigen::MatrixXd columns =
       Eigen::MatrixXd::Zero(information_.rows(), count + 1);
   for (Eigen::Index i = 0; i < count; ++i) columns(params[i], i) = 1;

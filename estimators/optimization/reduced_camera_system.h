@@ -12,7 +12,7 @@ namespace dgsfm {
 // Whitened residual r(c, x) of an observation and its Jacobians over some of
 // the camera parameters c and the point x.
 struct LinearizedObservation {
-  // Of a pose and intrinsics.
+  // Largest number of parameters of a pose and its intrinsics.
   static constexpr int kMaxNumParams = 18;
   using CameraJacobian = Eigen::
       Matrix<double, 2, Eigen::Dynamic, Eigen::ColMajor, 2, kMaxNumParams>;
@@ -48,9 +48,9 @@ class ReducedCameraSystem {
 
   const Eigen::MatrixXd& Information() const { return information_; }
 
-  // Of some parameters with all others unknown too: Gauss-Newton step to the
-  // minimum, -S^-1 g, covariance, S^-1, and the rows of S^-1, params.size() x
-  // num_params. Nothing if S is numerically singular.
+  // Marginal of some parameters, all others being unknown: Gauss-Newton step to
+  // the minimum, -S^-1 g, covariance, S^-1, and the rows of S^-1, params.size()
+  // x num_params. Nothing if S is numerically singular.
   struct Marginal {
     Eigen::VectorXd step;
     Eigen::MatrixXd covariance;

@@ -133,7 +133,8 @@ struct Equation {
   std::array<double, 5> rest;
 };
 
-// Of the eliminated rows with leading monomials m z and m: row - z next_row.
+// Difference row - z next_row of the eliminated rows with leading monomials m z
+// and m.
 Equation Cancel(const Eigen::Matrix<double, 10, 10>& reduced, int row) {
   const auto a = reduced.row(row);
   const auto b = reduced.row(row + 1);

@@ -46,7 +46,7 @@ class LossSum {
       sum_ += is_inlier ? sq_error : max_sq_error_;
       return is_inlier ? 1 : 0;
     }
-    // Of at most 2, so that one logarithm serves many.
+    // Factors are at most 2, so that one logarithm serves many.
     const double factor = is_inlier ? 1 + sq_error / max_sq_error_ : 2;
     product_ *= factor;
     if (product_ > kMaxProduct) Flush();

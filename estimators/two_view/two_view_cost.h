@@ -61,8 +61,8 @@ struct TwoViewCostOptions {
   TwoViewLoss loss = TwoViewLoss::TRUNCATED_SQUARES;
   FocalPrior focal_prior1;
   FocalPrior focal_prior2;
-  // Of each coefficient of the smooth depth errors [1], 0 = no such errors;
-  // with DepthTerm::WHITENED only.
+  // Standard deviation of each coefficient of the smooth depth errors [1], 0 =
+  // no such errors; with DepthTerm::WHITENED only.
   double depth_field_stddev = 0;
   // Lengths in which they are about one over the image [px].
   double depth_field_unit1_px = 1;
@@ -85,7 +85,8 @@ using TwoViewMatrix =
 struct NormalEquations {
   TwoViewMatrix matrix = TwoViewMatrix::Zero();
   TwoViewStep gradient = TwoViewStep::Zero();
-  // Of the depth fields (the lower triangle), and between them and the model.
+  // Blocks of the depth fields (the lower triangle), and between them and the
+  // model.
   Eigen::Matrix<double, 2 * kNumDepthFieldTerms, 2 * kNumDepthFieldTerms>
       field_matrix;
   DepthFields field_gradient;
@@ -115,7 +116,7 @@ class TwoViewCostFunction {
   // Turns a transfer into the whitened residual (L^-1 r for L L^T = its
   // covariance).
   struct Whitening {
-    // Of the epipolar line; zero if the point cannot be transferred.
+    // Direction of the epipolar line; zero if the point cannot be transferred.
     Eigen::Vector2d direction = Eigen::Vector2d::Zero();
     double w11 = 0;
     double w21 = 0;

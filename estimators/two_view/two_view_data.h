@@ -18,7 +18,7 @@ struct TwoViewData {
   std::vector<Eigen::Vector2d> points2;
   std::vector<double> depths1;
   std::vector<double> depths2;
-  // Of the points; empty = unit covariance.
+  // Covariances of the points; empty = unit covariance.
   std::vector<PointCovariance> covariances1;
   std::vector<PointCovariance> covariances2;
 

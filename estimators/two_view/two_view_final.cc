@@ -36,7 +36,7 @@ constexpr Round kNoiseRound = {1e-4, 300};
 // the decrease.
 constexpr Round kLastRound = {1e-7, 1000};
 
-// Of log depth per map, over matches with depths.
+// Standard deviation of the log depth of one map, over matches with depths.
 double DepthNoise(const TwoViewData& data,
                   const std::vector<int>& indices,
                   const TwoViewModel& model,
@@ -85,7 +85,7 @@ class Finisher {
   DepthFields fields_ = DepthFields::Zero();
   // The matches without the smooth errors of their depths.
   TwoViewData corrected_data_;
-  // Of the result.
+  // Inliers and covariance of the result.
   std::vector<int> inliers_;
   TwoViewMatrix covariance_ = TwoViewMatrix::Zero();
 };
@@ -96,8 +96,9 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
   // Slowly varying errors do not show in the scatter of the ratios.
   constexpr double kMinLogDepthStddev = 0.02;
   constexpr double kMinStddevPerThreshold = 0.1;
-  // Of the smooth errors of good networks; those of others show in the noise
-  // and in the fields found, which the prior makes smaller than they are.
+  // Smooth errors of good networks have at least this standard deviation; those
+  // of others show in the noise and in the fields found, which the prior
+  // shrinks.
   constexpr double kMinFieldStddev = 0.05;
   constexpr double kFieldShrinkage = 1.5;
   // Outliers by chance within the threshold are far out of an exact model.
@@ -268,8 +269,8 @@ void Finisher::ReportDegeneracy(SplitMix64* random,
   const FocalRange& range = problem_.Range();
   const TwoViewData inliers = data_.Subset(inliers_);
   if (inliers.Size() == 0) return;
-  // Of the deviations from a homography by noise alone, 98 % are below this;
-  // relief of that size still tells something.
+  // 98 % of the deviations from a homography by noise alone are below this; a
+  // relief of that size still determines something.
   const double max_homography_error_px =
       4 * EstimateNoise(candidate_.model, /*with_depth=*/false).stddev_px;
   const double max_error_px = 2 * options_.max_epipolar_error_px;

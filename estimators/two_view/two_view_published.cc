@@ -86,7 +86,8 @@ TwoViewSearchResult SearchPublishedModel(const TwoViewProblem& problem,
   const std::unique_ptr<HypothesisSource> source = CreateSource(problem);
   if (!source) return result;
   std::vector<Hypothesis> hypotheses;
-  // Of the models of samples alone: optimised ones would leave nothing to do.
+  // Best score among models of samples alone: optimised ones would leave
+  // nothing to optimise.
   TwoViewScore best_sample;
   while (result.num_trials < problem.Options().max_num_trials) {
     ++result.num_trials;

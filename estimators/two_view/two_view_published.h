@@ -20,7 +20,7 @@ TwoViewSearchResult SearchPublishedModel(const TwoViewProblem& problem,
 
 struct PublishedRefinement {
   TwoViewModel model;
-  // Of the model before the refinement.
+  // Inliers of the model before the refinement.
   std::vector<int> inliers;
   TwoViewMatrix covariance;
 };

@@ -35,8 +35,8 @@ using PointCovariance = Eigen::Vector3d;
 
 inline PointCovariance UnitPointCovariance() { return {1, 0, 1}; }
 
-// Of a point whose noise in the distorted image is of unit covariance, by the
-// derivative of its pixel there.
+// Covariance of an undistorted point whose noise in the distorted image has
+// unit covariance, by the derivative of its pixel there.
 inline PointCovariance UndistortedCovariance(
     const Eigen::Matrix2d& pixel_jacobian) {
   const Eigen::Matrix2d inverse = pixel_jacobian.inverse();

@@ -107,7 +107,8 @@ void ShrinkToPopulations(Scene* scene,
 
 // Differences beyond this many standard deviations tell of a crop.
 constexpr double kMaxExifDeviation = 2;
-// Of the median of few estimates, whatever their spread.
+// Smallest standard deviation of a median of few estimates, whatever their
+// spread.
 constexpr double kMinPairsLogStddev = 0.02;
 
 // A camera whose image is a crop has EXIF data that are wrong.

@@ -160,11 +160,11 @@ class PosteriorProblem {
   struct Prior {
     int param = 0;
     double stddev = 0;
-    // Of the model's value from the mean.
+    // Deviation of the model's value from the mean.
     double deviation = 0;
   };
 
-  // Of a parameter to the mean of its group.
+  // Tie of a parameter to the mean of its group.
   struct Tie {
     int param = 0;
     int mean_param = 0;

@@ -68,7 +68,8 @@ struct CameraResult {
   std::vector<double> stddevs;
   // Smallest camera id of its group, or its own.
   colmap::camera_t group = colmap::kInvalidCameraId;
-  // Of the parameters about the mean of the group; empty if they are the same.
+  // Standard deviations of the parameters about the mean of the group; empty if
+  // they are the same.
   std::vector<double> group_stddevs;
 };
 

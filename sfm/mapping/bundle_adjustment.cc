@@ -123,7 +123,7 @@ class ModelBundle {
     }
   }
 
-  // Of the observations of an image, from the given one on.
+  // Adds the depths of an image to its observations, from the given one on.
   void AddDepths(const colmap::Image& image,
                  size_t observation,
                  BundleImage* bundle_image) {
@@ -238,7 +238,8 @@ class ModelBundle {
   std::unordered_map<colmap::point3D_t, int> point_indices_;
   std::vector<size_t> num_observations_;
   Bundle bundle_;
-  // Of the groups that are not rigid; a list, so that blocks stay in place.
+  // Means of the groups that are not rigid; a list, so that blocks stay in
+  // place.
   std::list<std::vector<double>> group_means_;
   // Terms of the `params` of the cameras of the bundle.
   ceres::Problem camera_terms_;

@@ -45,7 +45,8 @@ std::string ModelUnitName(ModelUnit unit);
 struct MeasuredUnit {
   ModelUnit unit = ModelUnit::ARBITRARY;
   size_t num_images = 0;
-  // Of the logarithms of the scales, 1.4826 x median absolute deviation [1].
+  // Spread of the logarithms of the scales, 1.4826 x median absolute deviation
+  // [1].
   double log_spread = 0;
 
   // Whether metric maps disagree too much to be that.

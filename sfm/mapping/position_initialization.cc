@@ -26,7 +26,8 @@ constexpr double kGoodParallaxDeg = 15.0;
 
 struct Observation {
   int image = 0;
-  // Of the feature, R_i^T K_i^-1 x with unit z in the camera and unit length.
+  // Viewing ray of the feature, R_i^T K_i^-1 x, with unit z in the camera and
+  // with unit length.
   Eigen::Vector3d direction_in_world;
   Eigen::Vector3d ray_in_world;
   // s_i D_i(x), or 0 where unknown.

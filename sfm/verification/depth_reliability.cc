@@ -12,7 +12,7 @@ namespace {
 // maps 0.1.
 constexpr double kMaxLogScaleStddev = 0.05;
 constexpr int kMinNumContradictions = 2;
-// Of the log scale in a pair's covariance.
+// Row of the log scale in a pair's covariance.
 constexpr int kLogScaleRow = 6;
 
 bool Confirms(const PairGeometry& pair) {

@@ -68,8 +68,8 @@ std::optional<ComponentRotations> AverageComponentRotations(
 using ImageScales = std::map<colmap::image_t, double>;
 
 struct ComponentScales {
-  // Of the images in the largest part that scaled pairs connect; gauge: the
-  // median image has scale one.
+  // Scales of the images in the largest part that scaled pairs connect; gauge:
+  // the median image has scale one.
   ImageScales scales;
   size_t num_pairs = 0;
   // Pairs that lost their scale.
@@ -87,8 +87,8 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
 using ImageCenters = std::map<colmap::image_t, Eigen::Vector3d>;
 
 struct ComponentTranslations {
-  // Of the images with a scale, gauge: zero at one of them; empty if there are
-  // none or the averaging fails.
+  // Centres of the images with a scale, gauge: zero at one of them; empty if
+  // there are none or the averaging fails.
   ImageCenters centers;
   size_t num_pairs_filtered = 0;
 };

@@ -19,7 +19,7 @@ namespace dgsfm {
 // false one none in whole parts of the image.
 class MissingMatches {
  public:
-  // Of an image, with depth and matched by a valid pair.
+  // Key point of an image, with depth and matched by a valid pair.
   struct Feature {
     colmap::point2D_t point2D_idx = 0;
     int num_matched_pairs = 0;
