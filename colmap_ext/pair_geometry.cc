@@ -1,6 +1,7 @@
 #include "colmap_ext/pair_geometry.h"
 
 #include <stdexcept>
+#include <utility>
 
 namespace dgsfm {
 
@@ -35,6 +36,29 @@ std::string PairStatusName(PairStatus status) {
   }
   throw std::invalid_argument("unknown pair status " +
                               std::to_string(static_cast<int>(status)));
+}
+
+std::string PairStageName(PairStage stage) {
+  switch (stage) {
+    case PairStage::VERIFICATION:
+      return "verification";
+    case PairStage::STATIC_BACKGROUND:
+      return "static_background";
+    case PairStage::DEPTH_RELIABILITY:
+      return "depth_reliability";
+    case PairStage::VIEW_GRAPH_FILTER:
+      return "view_graph_filter";
+    case PairStage::REVERIFICATION:
+      return "reverification";
+    case PairStage::ROTATION_AVERAGING:
+      return "rotation_averaging";
+    case PairStage::TRANSLATION_AVERAGING:
+      return "translation_averaging";
+    case PairStage::PAIR_JUDGING:
+      return "pair_judging";
+  }
+  throw std::invalid_argument("unknown stage of pairs " +
+                              std::to_string(static_cast<int>(stage)));
 }
 
 const std::vector<PairDegeneracy>& PairDegeneracies() {
@@ -73,6 +97,21 @@ void PairTotals::Add(PairStatus status, uint32_t degeneracies, size_t count) {
       num_valid_with_degeneracy[degeneracy] += count;
     }
   }
+}
+
+void PairGeometry::Judge(PairStage stage, PairStatus verdict) {
+  if (verdict == status) return;
+  if (verdicts.empty()) verdicts.push_back({PairStage::VERIFICATION, status});
+  verdicts.push_back({stage, verdict});
+  status = verdict;
+}
+
+void PairGeometry::Replace(PairStage stage, PairGeometry estimate) {
+  const PairStatus new_status = estimate.status;
+  estimate.status = status;
+  estimate.verdicts = std::move(verdicts);
+  *this = std::move(estimate);
+  Judge(stage, new_status);
 }
 
 void PairGeometry::DropScale() {

@@ -37,6 +37,26 @@ enum class PairStatus : int {
 // Name as in logs and report.json, e.g. "too_few_inliers".
 std::string PairStatusName(PairStatus status);
 
+// A stage that decides whether a pair takes part. Names as in report.json.
+enum class PairStage {
+  VERIFICATION,
+  STATIC_BACKGROUND,  // verified again without matches at rest
+  DEPTH_RELIABILITY,  // verified again without a depth map
+  VIEW_GRAPH_FILTER,  // imported scores, triplets
+  REVERIFICATION,     // verified again with averaged focal lengths
+  ROTATION_AVERAGING,
+  TRANSLATION_AVERAGING,
+  PAIR_JUDGING,  // agreement with the finished model
+};
+
+// E.g. "rotation_averaging".
+std::string PairStageName(PairStage stage);
+
+struct PairVerdict {
+  PairStage stage = PairStage::VERIFICATION;
+  PairStatus status = PairStatus::NO_GEOMETRY;
+};
+
 // What the matches of a pair cannot tell: bits of PairGeometry::degeneracies,
 // of which a pair may have several. The numbers are stored in databases:
 // append, never renumber.
@@ -55,7 +75,11 @@ const std::vector<PairDegeneracy>& PairDegeneracies();
 std::string PairDegeneracyName(PairDegeneracy degeneracy);
 
 struct PairGeometry {
+  // The last verdict.
   PairStatus status = PairStatus::NO_GEOMETRY;
+  // Verdicts in the order of the stages, beginning with that of verification;
+  // empty as long as all stages agree with it.
+  std::vector<PairVerdict> verdicts;
   // Pose of image 2 relative to image 1. With has_scale the translation is in
   // units of depth map 1, otherwise of unit length or zero.
   Rigid3d cam2_from_cam1;
@@ -94,6 +118,10 @@ struct PairGeometry {
   }
   // Makes it a pair without scale.
   void DropScale();
+  // Sets the status, and adds a verdict if that changes it.
+  void Judge(PairStage stage, PairStatus verdict);
+  // Takes over a new estimate of the geometry with its status.
+  void Replace(PairStage stage, PairGeometry estimate);
 };
 
 // How many pairs there are of each kind; kinds without any are left out.

@@ -16,9 +16,6 @@ void BindPairStages(DepthGlobalMapperOptions* options,
            &options->view_graph.min_triplet_support,
            "pairs with a mean triplet support up to this are removed, 0 = "
            "none [1]")
-      .Add("keep_connected",
-           &options->view_graph.keep_connected,
-           "keep pairs below the triplet support that alone connect parts")
       .Add("num_rotation_averaging_rounds",
            &options->averaging.num_rotation_averaging_rounds,
            "rounds of rotation averaging, each with a filter")
@@ -43,17 +40,7 @@ void BindPairStages(DepthGlobalMapperOptions* options,
            "images with fewer tracks also use two-view tracks")
       .Add("init_use_depth",
            &options->position_initialization.use_depth,
-           "start centres and points from depth")
-      .Add("init_average_centers",
-           &options->position_initialization.average_centers,
-           "start centres at their averages over all scaled pairs, else along "
-           "a spanning tree")
-      .Add("init_random",
-           &options->position_initialization.is_random,
-           "start centres and points at random, for comparison")
-      .Add("init_use_median",
-           &options->position_initialization.use_median,
-           "start points at the median of their lifts, else at the mean");
+           "start centres and points from depth");
 }
 
 void BindBundleAdjustment(ModelRefinementOptions* options,
@@ -124,10 +111,6 @@ void BindRefinement(ModelRefinementOptions* options,
       .Add("gp_log_factor_stddev",
            &options->global_positioning.log_factor_stddev,
            "prior of the factors of depth maps about those of the start [log]")
-      .Add("gp_eliminate_scales",
-           &options->global_positioning.eliminate_scales,
-           "eliminate the scale of each observation in global positioning, "
-           "else they are parameters as in the paper, for comparison")
       .Add("max_angular_error",
            &options->max_angular_error_deg,
            "observations farther off after positioning are removed [deg]");
@@ -264,15 +247,11 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   DepthGlobalMapperOptions& mapper = options->mapper;
   mapper.view_graph.min_pair_score = 0.8;
   mapper.view_graph.min_triplet_support = 0.6;
-  mapper.view_graph.keep_connected = false;
   mapper.averaging.scale_averaging.max_num_irls_iterations = 30;
   mapper.tracks.min_num_views_per_track = 3;
   mapper.tracks.min_num_tracks_per_view = 0;
   mapper.position_initialization.use_depth = true;
-  mapper.position_initialization.average_centers = false;
-  mapper.position_initialization.use_median = true;
   options->max_num_keypoints_per_image = 0;
-  mapper.refinement.global_positioning.eliminate_scales = false;
   mapper.skip_static_background = true;
   mapper.skip_depth_reliability = true;
   mapper.skip_reverification = true;

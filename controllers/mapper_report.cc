@@ -87,9 +87,7 @@ Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
 }
 
 // One line a pair: large collections have hundreds of thousands.
-std::string PairLines(const Scene& scene,
-                      const PairGeometries& pairs,
-                      const DepthGlobalMapperResult& result) {
+std::string PairLines(const Scene& scene, const PairGeometries& pairs) {
   std::string lines;
   for (const auto& [pair_id, pair] : pairs) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
@@ -98,9 +96,9 @@ std::string PairLines(const Scene& scene,
                   {"status", PairStatusName(pair.status)},
                   {"num_matches", pair.num_matches},
                   {"num_inliers", pair.inlier_matches.size()}};
-    const auto readmitted = result.readmitted_pairs.find(pair_id);
-    if (readmitted != result.readmitted_pairs.end()) {
-      entry["readmitted_from"] = PairStatusName(readmitted->second);
+    for (const PairVerdict& verdict : pair.verdicts) {
+      entry["verdicts"].push_back({{"stage", PairStageName(verdict.stage)},
+                                   {"status", PairStatusName(verdict.status)}});
     }
     lines += (lines.empty() ? "\n    " : ",\n    ") + JsonText(entry, -1);
   }
@@ -145,9 +143,9 @@ void WriteMapperReport(const std::string& path,
   report["images"] = ImageEntries(scene, result);
   std::string text = JsonText(report, 2);
   text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
-  WriteFile(path,
-            text + ",\n  \"view_graph\": [" + PairLines(scene, pairs, result) +
-                "\n  ]\n}\n");
+  WriteFile(
+      path,
+      text + ",\n  \"view_graph\": [" + PairLines(scene, pairs) + "\n  ]\n}\n");
 }
 
 }  // namespace dgsfm

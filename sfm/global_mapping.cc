@@ -54,7 +54,6 @@ void AddComponent(ComponentResult component, DepthGlobalMapperResult* result) {
   if (component.model) result->models.push_back(std::move(component.model));
   if (component.repeatability) result->repeatability = component.repeatability;
   result->cameras.merge(component.cameras);
-  result->readmitted_pairs.merge(component.readmitted_pairs);
   result->depth_scales.merge(component.depth_scales);
   for (const auto& [image_id, reason] : component.unregistered_images) {
     result->unregistered_images[image_id] = reason;
@@ -175,7 +174,6 @@ DepthGlobalMapperResult RunGlobalMapping(
   DGSFM_CHECK(given_verification.IsValid(&error)) << error;
   DepthGlobalMapperOptions options = given_options;
   options.refinement.num_threads = options.num_threads;
-  options.position_initialization.random_seed = given_verification.random_seed;
   PairVerificationOptions verification = given_verification;
   verification.num_threads = options.num_threads;
 

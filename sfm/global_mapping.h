@@ -23,9 +23,6 @@ struct DepthGlobalMapperResult {
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;
   std::map<colmap::camera_t, CameraResult> cameras;
-  // Pairs that had left the view graph, and why, but agree with the finished
-  // model: their matches are part of it, and they are VALID again.
-  std::map<colmap::image_pair_t, PairStatus> readmitted_pairs;
   // Why each image of no model is missing.
   std::map<colmap::image_t, std::string> unregistered_images;
   // What may be wrong with the result, and the remedy, in sentences.

@@ -29,7 +29,7 @@ function(dgsfm_add_layer NAME)
 endfunction()
 
 function(dgsfm_add_layer_test NAME)
-  file(GLOB_RECURSE SOURCES CONFIGURE_DEPENDS ${NAME}/*_test.cc)
+  file(GLOB_RECURSE SOURCES CONFIGURE_DEPENDS ${NAME}/*.cc)
   if(NOT SOURCES)
     return()
   endif()

@@ -51,8 +51,4 @@ std::vector<double> TripletSupport(int num_nodes,
                                    const std::vector<GraphEdge>& edges,
                                    const std::vector<double>& counts);
 
-// Bridges: edges whose removal disconnects their component.
-std::vector<char> FindBridges(int num_nodes,
-                              const std::vector<GraphEdge>& edges);
-
 }  // namespace dgsfm

@@ -1,9 +1,5 @@
 #include "estimators/averaging/scale_averaging.h"
 
-#include "estimators/median.h"
-
-#include <cmath>
-
 namespace dgsfm {
 
 bool AverageScales(int num_nodes,
@@ -31,22 +27,6 @@ bool AverageScales(int num_nodes,
   }
   log_scales->assign(values.data(), values.data() + num_nodes);
   return true;
-}
-
-std::vector<double> LogScaleSpreads(const std::vector<RelativeLogScale>& ratios,
-                                    const std::vector<double>& log_scales) {
-  std::vector<std::vector<double>> errors(log_scales.size());
-  for (const RelativeLogScale& ratio : ratios) {
-    const double error = std::abs(log_scales.at(ratio.node2) -
-                                  log_scales.at(ratio.node1) - ratio.log_ratio);
-    errors[ratio.node1].push_back(error);
-    errors[ratio.node2].push_back(error);
-  }
-  std::vector<double> spreads;
-  for (const std::vector<double>& node_errors : errors) {
-    spreads.push_back(node_errors.empty() ? 0 : 1.4826 * Median(node_errors));
-  }
-  return spreads;
 }
 
 }  // namespace dgsfm

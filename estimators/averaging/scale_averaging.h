@@ -26,9 +26,4 @@ struct RelativeLogScale {
                                  const GraphAveragingOptions& options,
                                  std::vector<double>* log_scales);
 
-// Per node 1.4826 times the median absolute residual of its edges [1], which
-// is the standard deviation of a ratio if most are normal; 0 without edges.
-std::vector<double> LogScaleSpreads(const std::vector<RelativeLogScale>& ratios,
-                                    const std::vector<double>& log_scales);
-
 }  // namespace dgsfm

@@ -2,7 +2,6 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/median.h"
-#include "estimators/optimization/plain_positioning.h"
 #include "estimators/optimization/point_minimizer.h"
 #include "estimators/optimization/ray_point_residual.h"
 #include "estimators/option_check.h"
@@ -319,27 +318,17 @@ GlobalPositioningSummary SolveGlobalPositioning(
       Scaled(*centers, origin, 1 / unit, zero);
   std::vector<Eigen::Vector3d> unit_points =
       Scaled(*points, origin, 1 / unit, zero);
-  const auto minimize = [&] {
-    if (!options.eliminate_scales) {
-      return MinimizeWithScales(
-          observations, fixed_camera, options, &unit_centers, &unit_points);
-    }
-    const bool has_depth =
-        options.use_depth &&
-        std::any_of(observations.begin(),
-                    observations.end(),
-                    [](const PositioningObservation& observation) {
-                      return observation.log_distance_stddev > 0;
-                    });
-    return (has_depth ? MinimizeWithoutScales<1>
-                      : MinimizeWithoutScales<0>)(observations,
-                                                  fixed_camera,
-                                                  options,
-                                                  unit,
-                                                  &unit_centers,
-                                                  &unit_points);
-  };
-  const PointMinimizerSummary found = minimize();
+  const bool has_depth =
+      options.use_depth &&
+      std::any_of(observations.begin(),
+                  observations.end(),
+                  [](const PositioningObservation& observation) {
+                    return observation.log_distance_stddev > 0;
+                  });
+  const auto minimize =
+      has_depth ? MinimizeWithoutScales<1> : MinimizeWithoutScales<0>;
+  const PointMinimizerSummary found = minimize(
+      observations, fixed_camera, options, unit, &unit_centers, &unit_points);
   if (!found.success) {
     summary.message = "the solver found no usable solution";
     return summary;

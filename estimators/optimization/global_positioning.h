@@ -30,11 +30,7 @@ struct GlobalPositioningOptions {
   double loss_scale = 0.1;
   // Relative decrease of the cost at which the solver stops [1].
   double function_tolerance = 1e-5;
-  // Whether the scale of each observation is eliminated; otherwise all are
-  // parameters, as in the paper, which has the same minima.
-  bool eliminate_scales = true;
   // Whether log distances take part, each camera's with a factor of its own.
-  // Not with scales as parameters.
   bool use_depth = true;
   // Error of a ray [sine of angle] that weighs as much as a log distance that
   // is off by its standard deviation ...

@@ -5,7 +5,6 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
-#include "estimators/optimization/block_product.h"
 #include "estimators/optimization/observation_blocks.h"
 #include "estimators/optimization/reduced_system.h"
 
@@ -208,7 +207,6 @@ class PointElimination {
  private:
   using CameraVector = Eigen::Matrix<double, kCamera, 1>;
   using CameraMatrix = Eigen::Matrix<double, kCamera, kCamera>;
-  using Subtraction = BlockProduct<-1, kCamera, kResidual>;
 
   static constexpr double kMinDiagonal = 1e-12;
   static constexpr int kChunkSize = 1000;
@@ -233,8 +231,7 @@ class PointElimination {
       if (camera < first_camera || camera >= last_camera) continue;
       CameraBlock& block = camera_blocks_[camera];
       const Row& row = rows_[k];
-      BlockProduct<1, kCamera, kResidual>::Add(
-          row.by_camera, row.by_camera, &block.hessian);
+      block.hessian += row.by_camera.lazyProduct(row.by_camera.transpose());
       block.gradient += row.by_camera.lazyProduct(row.residual);
     }
   }
@@ -288,11 +285,11 @@ class PointElimination {
             projected.lazyProduct(other_row.by_point);
         const Eigen::Matrix<double, kCamera, kResidual> right =
             other_row.by_camera.lazyProduct(core.transpose());
-        CameraMatrix* block = &blocks_[pair_blocks[i]];
-        Subtraction::Add(row.by_camera, right, block);
+        CameraMatrix& block = blocks_[pair_blocks[i]];
+        block -= row.by_camera.lazyProduct(right.transpose());
         // Twice in the track of one point.
         if (i > 0 && observations_.cameras[k + i] == camera) {
-          Subtraction::Add(right, row.by_camera, block);
+          block -= right.lazyProduct(row.by_camera.transpose());
         }
       }
     }

@@ -47,13 +47,6 @@ Eigen::Vector3d ComponentwiseMedian(
   return median;
 }
 
-Eigen::Vector3d Mean(const std::vector<Eigen::Vector3d>& points) {
-  DGSFM_CHECK(!points.empty());
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points) sum += point;
-  return sum / double(points.size());
-}
-
 std::optional<Eigen::Vector3d> TriangulateRays(
     const std::vector<Eigen::Vector3d>& centers,
     const std::vector<Eigen::Vector3d>& rays,

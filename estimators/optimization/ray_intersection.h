@@ -12,9 +12,8 @@ namespace dgsfm {
 // Angle between two vectors [deg].
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b);
 
-// Median of each coordinate; the vectors must not be empty.
+// Median of each coordinate; there must be a point.
 Eigen::Vector3d ComponentwiseMedian(const std::vector<Eigen::Vector3d>& points);
-Eigen::Vector3d Mean(const std::vector<Eigen::Vector3d>& points);
 
 // Point X with the smallest sum of squared distances to the rays
 // centers[i] + a * rays[i] (rays of unit length). Nothing if no two rays

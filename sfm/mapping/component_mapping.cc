@@ -39,36 +39,28 @@ std::string WhyNotPositioned(colmap::image_t image_id,
          "other places, or depth";
 }
 
-// The averages that a model starts from.
-struct ComponentAverages {
-  ImageScales scales;
-  ImageCenters centers;
-};
-
-ComponentAverages AverageScalesAndCenters(const MappingContext& context,
-                                          const ComponentRotations& rotations,
-                                          const ImageIndex& index,
-                                          PairGeometries* pairs,
-                                          MappingLog* log) {
+// Averages the depth scales, and takes out pairs whose translations contradict
+// the others at these scales.
+ImageScales AverageScalesAndFilter(const MappingContext& context,
+                                   const ComponentRotations& rotations,
+                                   const ImageIndex& index,
+                                   PairGeometries* pairs,
+                                   MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
-  ComponentAverages averages;
   StageTimer scale_timer("scale_averaging");
   const ComponentScales scales = AverageComponentScales(
       options.averaging, options.skip_scale_averaging, index, pairs);
-  averages.scales = scales.scales;
   scale_timer.Add("pairs", double(scales.num_pairs))
       .Add("outliers", double(scales.num_outliers))
       .Add("images", double(scales.scales.size()));
   scale_timer.Finish(&log->stages);
-  if (options.skip_translation_averaging) return averages;
+  if (options.skip_translation_averaging) return scales.scales;
   StageTimer translation_timer("translation_averaging");
-  const ComponentTranslations translations = AverageComponentTranslations(
+  const size_t num_filtered = FilterByTranslation(
       options.averaging, index, rotations.cam_from_world, scales.scales, pairs);
-  averages.centers = translations.centers;
-  translation_timer.Add("pairs_filtered",
-                        double(translations.num_pairs_filtered));
+  translation_timer.Add("pairs_filtered", double(num_filtered));
   translation_timer.Finish(&log->stages);
-  return averages;
+  return scales.scales;
 }
 
 // A model of rotated images without positions and points.
@@ -92,8 +84,8 @@ ModelInProgress StartModel(const MappingContext& context,
                            PairGeometries* pairs,
                            MappingLog* log) {
   const ImageIndex index(rotations.image_ids);
-  const ComponentAverages averages =
-      AverageScalesAndCenters(context, rotations, index, pairs, log);
+  const ImageScales scales =
+      AverageScalesAndFilter(context, rotations, index, pairs, log);
   ModelInProgress progress;
   progress.model = CreateModel(context, rotations);
   progress.cameras = CamerasOf(context.scene, rotations.image_ids);
@@ -107,8 +99,7 @@ ModelInProgress StartModel(const MappingContext& context,
   InitializePositions(index,
                       *pairs,
                       context.depths,
-                      averages.scales,
-                      averages.centers,
+                      scales,
                       tracks,
                       context.options.position_initialization,
                       &progress.model);
@@ -128,7 +119,6 @@ ModelInProgress StartModel(const MappingContext& context,
 
 // Filters images, and scales the model by the depth maps.
 void FinishModel(const MappingContext& context,
-                 const ImageCenters& start_centers,
                  colmap::Reconstruction* model,
                  ComponentResult* result,
                  MappingLog* log) {
@@ -151,7 +141,6 @@ void FinishModel(const MappingContext& context,
       .Add("points", double(model->NumPoints3D()))
       .Add("scale_factor", metric.factor)
       .Add("log_scale_spread", metric.log_spread)
-      .Add("scale_from_start", ScaleBetween(start_centers, CentersOf(*model)))
       .Add("images_with_scale", double(metric.num_images));
   timer.Finish(&log->stages);
 }
@@ -204,7 +193,6 @@ ComponentResult MapComponent(const MappingContext& context,
   ComponentResult result;
   ModelInProgress progress = StartModel(context, rotations, pairs, log);
   colmap::Reconstruction& model = progress.model;
-  const ImageCenters start_centers = CentersOf(model);
   for (const colmap::image_t image_id : rotations.image_ids) {
     if (!model.IsImageRegistered(image_id)) {
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
@@ -212,12 +200,12 @@ ComponentResult MapComponent(const MappingContext& context,
   }
   const bool success = RefineModel(context, &progress, log);
   if (success) {
-    CompleteModel(context, &progress, pairs, &result.readmitted_pairs, log);
+    CompleteModel(context, &progress, pairs, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);
     }
   }
-  FinishModel(context, start_centers, &model, &result, log);
+  FinishModel(context, &model, &result, log);
   const int min_model_size = context.options.min_model_size;
   if (!success || model.NumRegImages() < size_t(min_model_size)) {
     for (const colmap::image_t image_id : model.RegImageIds()) {

@@ -22,8 +22,6 @@ struct ComponentResult {
   std::map<colmap::image_t, std::string> unregistered_images;
   // Factors of the depth maps of registered images against the model.
   std::map<colmap::image_t, double> depth_scales;
-  // Pairs that the model has made VALID again, and their status before.
-  std::map<colmap::image_pair_t, PairStatus> readmitted_pairs;
   std::optional<PoseMetrics> repeatability;
 };
 

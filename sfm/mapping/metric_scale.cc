@@ -57,23 +57,6 @@ ImageCenters CentersOf(const colmap::Reconstruction& model) {
   return centers;
 }
 
-double ScaleBetween(const ImageCenters& from, const ImageCenters& to) {
-  Eigen::Matrix3Xd from_points(3, from.size());
-  Eigen::Matrix3Xd to_points(3, from.size());
-  Eigen::Index count = 0;
-  for (const auto& [image_id, center] : from) {
-    const auto it = to.find(image_id);
-    if (it == to.end()) continue;
-    from_points.col(count) = center;
-    to_points.col(count++) = it->second;
-  }
-  if (count < 3) return 0;
-  const Eigen::Matrix4d transform =
-      Eigen::umeyama(from_points.leftCols(count), to_points.leftCols(count));
-  const double scale = transform.topLeftCorner<3, 1>().norm();
-  return std::isfinite(scale) ? scale : 0;
-}
-
 std::string ModelUnitName(ModelUnit unit) {
   switch (unit) {
     case ModelUnit::ARBITRARY:

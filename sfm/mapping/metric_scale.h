@@ -24,13 +24,9 @@ struct DepthScale {
 std::map<colmap::image_t, DepthScale> DepthScalesOfModel(
     const KeypointDepthMap& depths, const colmap::Reconstruction& model);
 
-// Centres of the registered images.
+// Camera centres of the registered images in the world.
+using ImageCenters = std::map<colmap::image_t, Eigen::Vector3d>;
 ImageCenters CentersOf(const colmap::Reconstruction& model);
-
-// Factor of the similarity that takes the first centres to the second ones best
-// in the least-squares sense, of the images in both; 0 with fewer than three of
-// them or where these coincide.
-double ScaleBetween(const ImageCenters& from, const ImageCenters& to);
 
 // What a model is measured in.
 enum class ModelUnit {

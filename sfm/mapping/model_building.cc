@@ -244,8 +244,7 @@ void RetriangulateModel(const MappingContext& context,
 // Pairs with images that the model lacks keep their status.
 void JudgePairs(const MappingContext& context,
                 const colmap::Reconstruction& model,
-                PairGeometries* pairs,
-                std::map<colmap::image_pair_t, PairStatus>* readmitted_pairs) {
+                PairGeometries* pairs) {
   colmap::CorrespondenceGraph graph;
   AddAgreeingMatches(context, *pairs, model, &graph);
   for (auto& [pair_id, pair] : *pairs) {
@@ -255,11 +254,10 @@ void JudgePairs(const MappingContext& context,
     }
     const bool agrees =
         graph.NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
-    if (agrees && pair.status != PairStatus::VALID) {
-      readmitted_pairs->emplace(pair_id, pair.status);
-      pair.status = PairStatus::VALID;
-    } else if (!agrees && pair.status == PairStatus::VALID) {
-      pair.status = PairStatus::MODEL_OUTLIER;
+    if (agrees) {
+      pair.Judge(PairStage::PAIR_JUDGING, PairStatus::VALID);
+    } else if (pair.status == PairStatus::VALID) {
+      pair.Judge(PairStage::PAIR_JUDGING, PairStatus::MODEL_OUTLIER);
     }
   }
 }
@@ -327,7 +325,6 @@ bool RefineModel(const MappingContext& context,
 void CompleteModel(const MappingContext& context,
                    ModelInProgress* progress,
                    PairGeometries* pairs,
-                   std::map<colmap::image_pair_t, PairStatus>* readmitted_pairs,
                    MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
   if (!options.skip_loss_adaptation) {
@@ -343,7 +340,7 @@ void CompleteModel(const MappingContext& context,
     timer.Finish(&log->stages);
   }
   if (!options.skip_pair_judging) {
-    JudgePairs(context, progress->model, pairs, readmitted_pairs);
+    JudgePairs(context, progress->model, pairs);
   }
   if (options.HasFinalAdjustment()) {
     HoldImplausibleCameras(context, progress, log);

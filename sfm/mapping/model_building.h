@@ -30,12 +30,11 @@ bool RefineModel(const MappingContext& context,
                  MappingLog* log);
 
 // Calibrates the cameras of a refined model, completes its tracks, and judges
-// the pairs of its images by its poses. Pairs that become VALID again are added
-// to `readmitted_pairs` with the status before.
+// the pairs of its images by its poses: pairs that had left become VALID if
+// enough of their matches agree.
 void CompleteModel(const MappingContext& context,
                    ModelInProgress* progress,
                    PairGeometries* pairs,
-                   std::map<colmap::image_pair_t, PairStatus>* readmitted_pairs,
                    MappingLog* log);
 
 // The adjustment that the finished model is at.

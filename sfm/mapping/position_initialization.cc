@@ -5,7 +5,6 @@
 #include "estimators/averaging/graph.h"
 #include "estimators/median.h"
 #include "estimators/optimization/ray_intersection.h"
-#include "estimators/random.h"
 
 #include <algorithm>
 #include <cmath>
@@ -40,16 +39,13 @@ class PositionInitializer {
                       const PairGeometries& pairs,
                       const KeypointDepthMap& depths,
                       const ImageScales& scales,
-                      const ImageCenters& averages,
                       const std::vector<colmap::Track>& tracks,
                       const PositionInitializationOptions& options,
                       colmap::Reconstruction* reconstruction)
       : index_(index),
         pairs_(pairs),
         scales_(options.use_depth ? scales : ImageScales()),
-        averages_(options.average_centers ? averages : ImageCenters()),
         tracks_(tracks),
-        options_(options),
         reconstruction_(reconstruction),
         centers_(index.Size()),
         points_(tracks.size()),
@@ -59,10 +55,6 @@ class PositionInitializer {
   }
 
   size_t Run() {
-    if (options_.is_random) {
-      PlaceRandomly();
-      return WriteToReconstruction();
-    }
     if (!PlaceScaledImages()) PlaceSeedPair();
     for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
     GrowByResection();
@@ -109,19 +101,6 @@ class PositionInitializer {
            Rotation(image2).conjugate() * (unit * cam2_from_cam1.translation);
   }
 
-  void PlaceRandomly() {
-    SplitMix64 random(uint64_t(options_.random_seed));
-    const auto draw = [&] {
-      Eigen::Vector3d position;
-      for (double& coordinate : position) {
-        coordinate = std::ldexp(double(random() >> 11), -52) - 1;
-      }
-      return position;
-    };
-    for (auto& center : centers_) center = draw();
-    for (auto& point : points_) point = draw();
-  }
-
   bool PlaceScaledImages() {
     std::vector<GraphEdge> edges;
     std::vector<double> weights;
@@ -161,15 +140,7 @@ class PositionInitializer {
                                     image_from_parent,
                                     scales_.at(index_.IdOf(parent)));
     }
-    if (!averages_.empty()) MoveToAverages(tree.order, root);
     return true;
-  }
-
-  void MoveToAverages(const std::vector<int>& images, int root) {
-    const Eigen::Vector3d& origin = averages_.at(index_.IdOf(root));
-    for (const int image : images) {
-      centers_[image] = averages_.at(index_.IdOf(image)) - origin;
-    }
   }
 
   // Median angle between the two rays of tracks that both images see [deg].
@@ -228,8 +199,7 @@ class PositionInitializer {
       }
     }
     if (!lifted.empty()) {
-      points_[track] =
-          options_.use_median ? ComponentwiseMedian(lifted) : Mean(lifted);
+      points_[track] = ComponentwiseMedian(lifted);
     } else {
       points_[track] =
           TriangulateRays(centers, rays, kMinTriangulationAngleDeg);
@@ -295,9 +265,7 @@ class PositionInitializer {
   const ImageIndex& index_;
   const PairGeometries& pairs_;
   const ImageScales scales_;
-  const ImageCenters averages_;
   const std::vector<colmap::Track>& tracks_;
-  const PositionInitializationOptions& options_;
   colmap::Reconstruction* reconstruction_;
 
   std::vector<std::optional<Eigen::Vector3d>> centers_;
@@ -313,18 +281,11 @@ size_t InitializePositions(const ImageIndex& index,
                            const PairGeometries& pairs,
                            const KeypointDepthMap& depths,
                            const ImageScales& scales,
-                           const ImageCenters& averages,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
                            colmap::Reconstruction* reconstruction) {
-  return PositionInitializer(index,
-                             pairs,
-                             depths,
-                             scales,
-                             averages,
-                             tracks,
-                             options,
-                             reconstruction)
+  return PositionInitializer(
+             index, pairs, depths, scales, tracks, options, reconstruction)
       .Run();
 }
 

@@ -19,32 +19,21 @@ struct PositionInitializationOptions {
   // Whether centres and points start from depth; otherwise from the strongest
   // pair, at unit scale, as without depth maps.
   bool use_depth = true;
-  // Whether the centres along the spanning tree give way to their averages over
-  // all scaled pairs, where there are some.
-  bool average_centers = true;
-  // Whether centres and points start anywhere in a cube instead, as in GLOMAP.
-  bool is_random = false;
-  int random_seed = 0;
-  // Whether a track starts at the median of its lifted observations (paper);
-  // otherwise at their mean (authors' code).
-  bool use_median = true;
 };
 
 // Sets the centres of the images of the index, whose rotations are final, and
 // adds the tracks as points. Scaled pairs give centres of images that have a
 // scale: c_j = c_i - R_j^T s_i t_ij along the maximum spanning tree by number
-// of inliers (DGSfM Eq. 12, 13), or their `averages` for the images that the
-// tree reaches; points are component-wise medians of the lifted observations
-// (Eq. 14 to 16, with z-depth). The other images follow by
+// of inliers (DGSfM Eq. 12, 13); points are component-wise medians of the
+// lifted observations (Eq. 14 to 16, with z-depth). The other images follow by
 // number of tracks already placed: their centre is the robust least-squares
-// intersection of the viewing rays of these tracks. Images that never see
-// six placed tracks stay unregistered; tracks with fewer than two registered
-// images are not added. Returns the number of registered images.
+// intersection of the viewing rays of these tracks. Images that never see six
+// placed tracks stay unregistered; tracks with fewer than two registered images
+// are not added. Returns the number of registered images.
 size_t InitializePositions(const ImageIndex& index,
                            const PairGeometries& pairs,
                            const KeypointDepthMap& depths,
                            const ImageScales& scales,
-                           const ImageCenters& averages,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
                            colmap::Reconstruction* reconstruction);

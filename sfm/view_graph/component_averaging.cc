@@ -284,7 +284,8 @@ std::optional<ComponentRotations> AverageComponentRotations(
     std::vector<GraphEdge> edges;
     for (size_t i = 0; i < valid_pairs.size(); ++i) {
       if (average->is_outlier[i]) {
-        valid_pairs[i].pair->status = PairStatus::ROTATION_OUTLIER;
+        valid_pairs[i].pair->Judge(PairStage::ROTATION_AVERAGING,
+                                   PairStatus::ROTATION_OUTLIER);
         ++rotations.num_pairs_filtered;
       } else {
         edges.emplace_back(valid_pairs[i].image1, valid_pairs[i].image2);
@@ -337,7 +338,7 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
   return result;
 }
 
-ComponentTranslations AverageComponentTranslations(
+size_t FilterByTranslation(
     const ComponentAveragingOptions& options,
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
@@ -350,8 +351,7 @@ ComponentTranslations AverageComponentTranslations(
       ScaledPairs(scaled_index, pairs);
   const std::vector<RelativeTranslation> translations = MetricTranslations(
       index, cam_from_world_rotations, scales, scaled_index, scaled_pairs);
-  ComponentTranslations result;
-  if (translations.empty()) return result;
+  if (translations.empty()) return 0;
   std::vector<Eigen::Vector3d> centers;
   if (!AverageTranslations(scaled_index.Size(),
                            translations,
@@ -359,21 +359,20 @@ ComponentTranslations AverageComponentTranslations(
                            options.translation_averaging,
                            &centers)) {
     LOG(WARNING) << "Translation averaging failed: no pair is filtered by it";
-    return result;
-  }
-  for (int i = 0; i < scaled_index.Size(); ++i) {
-    result.centers[scaled_index.IdOf(i)] = centers[i];
+    return 0;
   }
   const std::vector<double> errors = TranslationErrors(translations, centers);
   const double max_error =
       std::max(options.max_translation_error_ratio / kTranslationStddevRatio,
                options.max_translation_error_factor * Median(errors));
+  size_t num_filtered = 0;
   for (size_t i = 0; i < errors.size(); ++i) {
     if (errors[i] <= max_error) continue;
-    scaled_pairs[i].pair->status = PairStatus::TRANSLATION_OUTLIER;
-    ++result.num_pairs_filtered;
+    scaled_pairs[i].pair->Judge(PairStage::TRANSLATION_AVERAGING,
+                                PairStatus::TRANSLATION_OUTLIER);
+    ++num_filtered;
   }
-  return result;
+  return num_filtered;
 }
 
 }  // namespace dgsfm

@@ -83,22 +83,12 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
                                        const ImageIndex& index,
                                        PairGeometries* pairs);
 
-// Camera centre of each image in the world.
-using ImageCenters = std::map<colmap::image_t, Eigen::Vector3d>;
-
-struct ComponentTranslations {
-  // Centres of the images with a scale, gauge: zero at one of them; empty if
-  // there are none or the averaging fails.
-  ImageCenters centers;
-  size_t num_pairs_filtered = 0;
-};
-
 // Averages the metric translations of the scaled pairs among the images of the
-// index with a scale, and takes out those that contradict the others: a facade
-// matched one window too far has the right rotation and scale, and only its
-// loops through other images give it away. Such pairs become
-// TRANSLATION_OUTLIER.
-ComponentTranslations AverageComponentTranslations(
+// index with a scale, and takes out those that contradict the average: a facade
+// matched one window too far has the right rotation and scale, and only the
+// loops of its pairs through other images contradict it. Such pairs become
+// TRANSLATION_OUTLIER. Returns their number.
+size_t FilterByTranslation(
     const ComponentAveragingOptions& options,
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,

@@ -23,30 +23,6 @@ std::vector<colmap::image_t> ImagesOfValidPairs(const PairGeometries& pairs) {
   return {image_ids.begin(), image_ids.end()};
 }
 
-// Marks edges to keep so that the kept ones connect what all of them connect,
-// adding dropped edges back by decreasing value.
-void KeepConnected(int num_nodes,
-                   const std::vector<GraphEdge>& edges,
-                   const std::vector<double>& values,
-                   std::vector<char>* keep) {
-  std::vector<double> weights(edges.size());
-  for (size_t i = 0; i < edges.size(); ++i) {
-    // Kept edges first, so that the tree takes dropped ones only as bridges.
-    weights[i] = (*keep)[i] ? 2 + values[i] : values[i];
-  }
-  const std::vector<int> components = ConnectedComponents(num_nodes, edges);
-  std::vector<char> done(num_nodes, 0);
-  for (int node = 0; node < num_nodes; ++node) {
-    if (done[components[node]]) continue;
-    done[components[node]] = 1;
-    const SpanningTree tree =
-        MaximumSpanningTree(num_nodes, edges, weights, node);
-    for (const int edge : tree.parent_edges) {
-      if (edge >= 0) (*keep)[edge] = 1;
-    }
-  }
-}
-
 }  // namespace
 
 bool ViewGraphFilterOptions::IsValid(std::string* error) const {
@@ -78,7 +54,7 @@ size_t FilterByPairScore(const PairScores& scores,
         it->second > options.min_pair_score) {
       continue;
     }
-    pair.status = PairStatus::LOW_PAIR_SCORE;
+    pair.Judge(PairStage::VIEW_GRAPH_FILTER, PairStatus::LOW_PAIR_SCORE);
     ++num_filtered;
   }
   return num_filtered;
@@ -96,18 +72,12 @@ size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
   }
   const std::vector<double> support =
       TripletSupport(index.Size(), edges, counts);
-  std::vector<char> keep(edges.size());
-  for (size_t i = 0; i < edges.size(); ++i) {
-    // Edges in no triplet (support -1) have no evidence against them.
-    keep[i] = support[i] < 0 || support[i] > options.min_triplet_support;
-  }
-  if (options.keep_connected) {
-    KeepConnected(index.Size(), edges, support, &keep);
-  }
   size_t num_filtered = 0;
   for (size_t i = 0; i < edges.size(); ++i) {
-    if (keep[i]) continue;
-    valid_pairs[i].pair->status = PairStatus::LOW_TRIPLET_SUPPORT;
+    // Edges in no triplet (support -1) have no evidence against them.
+    if (support[i] < 0 || support[i] > options.min_triplet_support) continue;
+    valid_pairs[i].pair->Judge(PairStage::VIEW_GRAPH_FILTER,
+                               PairStatus::LOW_TRIPLET_SUPPORT);
     ++num_filtered;
   }
   return num_filtered;

@@ -20,14 +20,11 @@ struct ViewGraphFilterOptions {
   // Pairs with an imported score at or below this are removed (paper: tau_DG);
   // pairs without a score are kept.
   double min_pair_score = 0.8;
-  // Pairs whose mean triplet support is at or below this are removed, except
-  // those that alone connect parts of the graph (paper: tau_tri = 0.6). 0 = no
-  // filter: it takes more than half of the true pairs, and what false ones are
-  // left after depth consistency contradict rotations and translations.
+  // Pairs whose mean triplet support is at or below this are removed (paper:
+  // tau_tri = 0.6). 0 = no filter: it takes more than half of the true pairs,
+  // and what false ones are left after depth consistency contradict rotations
+  // and translations.
   double min_triplet_support = 0;
-  // Whether pairs below the triplet support are kept where they alone connect
-  // parts of the graph; the paper's filter splits the graph instead.
-  bool keep_connected = true;
 
   bool IsValid(std::string* error) const;
 };

@@ -28,7 +28,8 @@ bool LacksFocals(const PairGeometry& pair) {
          pair.Has(PairDegeneracy::WEAK_FOCAL2);
 }
 
-void VerifyAgain(const PairVerificationOptions& verification,
+void VerifyAgain(PairStage stage,
+                 const PairVerificationOptions& verification,
                  const std::vector<colmap::image_pair_t>& pair_ids,
                  const Scene& scene,
                  const KeypointDepthMap& depths,
@@ -39,7 +40,7 @@ void VerifyAgain(const PairVerificationOptions& verification,
   }
   for (auto& [pair_id, pair] :
        VerifyPairs(scene, matches, depths, verification)) {
-    pairs->at(pair_id) = std::move(pair);
+    pairs->at(pair_id).Replace(stage, std::move(pair));
   }
 }
 
@@ -70,7 +71,7 @@ void DropStaticBackground(const DepthGlobalMapperOptions& options,
     ++num_groups;
     for (auto& [pair_id, pair] : moving) {
       scene->matches[pair_id] = std::move(matches.at(pair_id));
-      pairs->at(pair_id) = std::move(pair);
+      pairs->at(pair_id).Replace(PairStage::STATIC_BACKGROUND, std::move(pair));
     }
   }
   timer.Add("groups", double(num_groups)).Add(CountPairs(*pairs));
@@ -115,7 +116,12 @@ void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
       affected.push_back(pair_id);
     }
   }
-  VerifyAgain(verification, affected, scene, *depths, pairs);
+  VerifyAgain(PairStage::DEPTH_RELIABILITY,
+              verification,
+              affected,
+              scene,
+              *depths,
+              pairs);
   timer.Add("maps_dropped", double(image_ids.size()))
       .Add("pairs_verified", double(affected.size()));
   if (!image_ids.empty()) timer.Add(CountPairs(*pairs));
@@ -174,7 +180,12 @@ std::map<colmap::camera_t, CameraFocal> AverageFocals(
   for (auto& [camera_id, camera] : scene->cameras) {
     camera.SetPriorFocalLength(true);
   }
-  VerifyAgain(verification, uncertain, *scene, depths, pairs);
+  VerifyAgain(PairStage::REVERIFICATION,
+              verification,
+              uncertain,
+              *scene,
+              depths,
+              pairs);
   scene->cameras = averaged_cameras;
   reverification.Add("pairs_verified", double(uncertain.size()))
       .Add(CountPairs(*pairs));

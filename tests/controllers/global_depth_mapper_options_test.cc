@@ -41,17 +41,13 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   mapper.tracks.min_num_views_per_track = 7;
   mapper.tracks.min_num_tracks_per_view = 7;
   mapper.position_initialization.use_depth = false;
-  mapper.position_initialization.use_median = false;
   ApplyPaperPreset(&options);
   EXPECT_EQ(mapper.view_graph.min_pair_score, 0.8);
   EXPECT_EQ(mapper.view_graph.min_triplet_support, 0.6);
-  EXPECT_FALSE(mapper.view_graph.keep_connected);
   EXPECT_EQ(mapper.averaging.scale_averaging.max_num_irls_iterations, 30);
   EXPECT_EQ(mapper.tracks.min_num_views_per_track, 3);
   EXPECT_EQ(mapper.tracks.min_num_tracks_per_view, 0);
   EXPECT_TRUE(mapper.position_initialization.use_depth);
-  EXPECT_FALSE(mapper.position_initialization.average_centers);
-  EXPECT_TRUE(mapper.position_initialization.use_median);
   EXPECT_FALSE(mapper.skip_scale_averaging);
   EXPECT_FALSE(mapper.skip_global_positioning);
   EXPECT_TRUE(mapper.skip_depth_reliability);
@@ -64,7 +60,6 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   EXPECT_TRUE(mapper.averaging.skip_alternatives);
   EXPECT_FALSE(options.use_exif);
   EXPECT_EQ(options.max_num_keypoints_per_image, 0);
-  EXPECT_FALSE(mapper.refinement.global_positioning.eliminate_scales);
 }
 
 TEST(PaperPreset, SetsEachValueOfTheRefinement) {

@@ -354,26 +354,25 @@ TEST(GlobalMapping, ImagesWithoutParallaxKeepFarPoints) {
   EXPECT_LT(MeanError(outcome.metrics), 0.7 * MeanError(without.metrics));
 }
 
-TEST(GlobalMapping, StartsAtRandom) {
+TEST(GlobalMapping, PairsThatAgreeWithTheModelReturn) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  Scene scene = SceneFromSynthetic(synthetic);
+  KeypointDepthMap depths = KeypointDepthsFromSynthetic(synthetic);
+  PairVerificationOptions verification;
+  verification.num_threads = 1;
+  PairGeometries pairs = VerifyPairs(scene, depths, verification);
+  PairGeometry& pair = pairs.at(PairIdOfImages(1, 2));
+  ASSERT_EQ(pair.status, PairStatus::VALID);
+  pair.status = PairStatus::LOW_INLIER_RATIO;
   DepthGlobalMapperOptions options;
-  options.position_initialization.is_random = true;
-  const Outcome outcome = MapSynthetic(synthetic, options);
-  ASSERT_EQ(outcome.result.models.size(), 1);
-  // The start is of no use; the bar is that for exact data.
-  EXPECT_LT(MaxError(outcome.metrics), 1e-2);
-}
-
-TEST(GlobalMapping, ScaleStaysFromStartToEnd) {
-  const Outcome outcome = MapSynthetic(SynthesizeScene(SmallRing()));
-  double scale = 0;
-  for (const StageReport& stage : outcome.result.stages) {
-    for (const auto& [figure, value] : stage.figures) {
-      if (figure == "scale_from_start") scale = value;
-    }
-  }
-  // Exact data.
-  EXPECT_NEAR(scale, 1, 1e-4);
+  options.num_threads = 1;
+  RunGlobalMapping(
+      options, verification, PairScores(), &scene, &depths, &pairs);
+  EXPECT_EQ(pair.status, PairStatus::VALID);
+  ASSERT_EQ(pair.verdicts.size(), 2);
+  EXPECT_EQ(pair.verdicts[0].stage, PairStage::VERIFICATION);
+  EXPECT_EQ(pair.verdicts[0].status, PairStatus::LOW_INLIER_RATIO);
+  EXPECT_EQ(pair.verdicts[1].stage, PairStage::PAIR_JUDGING);
 }
 
 TEST(GlobalMapping, OneEntryOfSeveralZoomsIsSplit) {

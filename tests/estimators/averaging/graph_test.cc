@@ -35,11 +35,6 @@ std::vector<GraphEdge> CreateRandomGraph(int num_nodes,
   return edges;
 }
 
-int CountComponents(int num_nodes, const std::vector<GraphEdge>& edges) {
-  const std::vector<int> components = ConnectedComponents(num_nodes, edges);
-  return std::set<int>(components.begin(), components.end()).size();
-}
-
 TEST(ConnectedComponents, NumbersBySizeThenBySmallestNode) {
   // {1, 4, 6}, {0, 5}, {2, 3}, {7}.
   EXPECT_THAT(ConnectedComponents(8, {{5, 0}, {3, 2}, {6, 4}, {4, 1}}),
@@ -149,40 +144,6 @@ TEST(TripletSupport, ThrowsOnBadInput) {
   EXPECT_THROW(TripletSupport(2, {{0, 0}}, {1}), std::invalid_argument);
   EXPECT_THROW(TripletSupport(2, {{0, 1}, {1, 0}}, {1, 1}),
                std::invalid_argument);
-}
-
-TEST(FindBridges, TwoTrianglesOnABridge) {
-  const std::vector<GraphEdge> edges = {
-      {0, 1}, {1, 2}, {2, 0}, {3, 2}, {3, 4}, {4, 5}, {5, 3}, {6, 5}, {7, 7}};
-  EXPECT_THAT(FindBridges(8, edges), ElementsAre(0, 0, 0, 1, 0, 0, 0, 1, 0));
-}
-
-TEST(FindBridges, ParallelEdgesAreNoBridges) {
-  EXPECT_THAT(FindBridges(3, {{0, 1}, {1, 0}, {1, 2}}), ElementsAre(0, 0, 1));
-}
-
-TEST(FindBridges, AgreesWithRemovalOnRandomGraphs) {
-  std::mt19937 random(2);
-  for (int trial = 0; trial < 20; ++trial) {
-    const int num_nodes = 25;
-    const auto edges = CreateRandomGraph(num_nodes, 0.08, &random);
-    const std::vector<char> is_bridge = FindBridges(num_nodes, edges);
-    const int num_components = CountComponents(num_nodes, edges);
-    for (size_t e = 0; e < edges.size(); ++e) {
-      std::vector<GraphEdge> others = edges;
-      others.erase(others.begin() + e);
-      EXPECT_EQ(CountComponents(num_nodes, others) > num_components,
-                static_cast<bool>(is_bridge[e]));
-    }
-  }
-}
-
-TEST(FindBridges, LongChainNeedsNoDeepRecursion) {
-  const int num_nodes = 500000;
-  std::vector<GraphEdge> edges;
-  for (int i = 1; i < num_nodes; ++i) edges.emplace_back(i - 1, i);
-  const std::vector<char> is_bridge = FindBridges(num_nodes, edges);
-  EXPECT_EQ(std::count(is_bridge.begin(), is_bridge.end(), 1), num_nodes - 1);
 }
 
 }  // namespace

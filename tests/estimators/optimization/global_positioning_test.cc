@@ -1,6 +1,7 @@
 #include "estimators/optimization/global_positioning.h"
 
 #include "estimators/median.h"
+#include "tests/estimators/optimization/plain_positioning.h"
 
 #include <algorithm>
 #include <cmath>
@@ -420,9 +421,12 @@ TEST(GlobalPositioning, ReachesTheMinimumOfThePlainFormulation) {
   }
   Scene plain = scene;
   GlobalPositioningOptions plain_options = TightOptions();
-  plain_options.eliminate_scales = false;
   plain_options.max_num_iterations = 500;
-  const GlobalPositioningSummary expected = Solve(&plain, plain_options);
+  const PointMinimizerSummary expected = MinimizeWithScales(plain.observations,
+                                                            /*fixed_camera=*/0,
+                                                            plain_options,
+                                                            &plain.centers,
+                                                            &plain.points);
   const GlobalPositioningSummary summary = Solve(&scene, TightOptions());
   ASSERT_TRUE(expected.success && summary.success);
   // The scales start at their best.

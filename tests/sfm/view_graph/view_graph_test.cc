@@ -45,25 +45,16 @@ TEST(ViewGraph, NoValidPairsGiveNoComponents) {
   EXPECT_TRUE(ConnectedImages({}).empty());
 }
 
-TEST(ViewGraph, TripletSupportKeepsBridgesAndPairsWithoutTriplet) {
+TEST(ViewGraph, TripletFilterMaySplitTheGraph) {
   PairGeometries pairs = TwoTriangles();
   ViewGraphFilterOptions options;
   options.min_triplet_support = 0.6;
-  // Of the pairs of image 7, supports 0.3 and 0.2, the stronger stays.
-  EXPECT_EQ(FilterByTripletSupport(options, &pairs), 1);
+  // The pairs of image 7 have supports 0.3 and 0.2.
+  EXPECT_EQ(FilterByTripletSupport(options, &pairs), 2);
   EXPECT_EQ(pairs[PairIdOfImages(2, 7)].status,
             PairStatus::LOW_TRIPLET_SUPPORT);
-  EXPECT_EQ(pairs[PairIdOfImages(1, 7)].status, PairStatus::VALID);
+  // Its images are in no triplet.
   EXPECT_EQ(pairs[PairIdOfImages(3, 4)].status, PairStatus::VALID);
-  EXPECT_EQ(ConnectedImages(pairs).size(), 1);
-}
-
-TEST(ViewGraph, PaperTripletFilterMaySplitTheGraph) {
-  PairGeometries pairs = TwoTriangles();
-  ViewGraphFilterOptions options;
-  options.min_triplet_support = 0.6;
-  options.keep_connected = false;
-  EXPECT_EQ(FilterByTripletSupport(options, &pairs), 2);
   EXPECT_EQ(ConnectedImages(pairs)[0].size(), 6);
 }
 

@@ -1,4 +1,4 @@
-// Global positioning in its plain formulation, by Ceres: for comparison.
+// Global positioning in its plain formulation, by Ceres: an oracle.
 
 #pragma once
 

@@ -1,4 +1,4 @@
-#include "estimators/optimization/plain_positioning.h"
+#include "tests/estimators/optimization/plain_positioning.h"
 
 #include <algorithm>
 #include <deque>
