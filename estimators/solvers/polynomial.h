@@ -27,8 +27,9 @@ RealRoots SolveQuartic(const std::array<double, 5>& c);
 
 // The real roots of c[0] + c[1] x + ... + c[10] x^10 (constant first!) within
 // [-max_root, max_root], ascending, separated by Sturm's sequence, then by
-// Newton steps. Double roots may be missing. Coefficients that are
-// not finite have no roots. No allocation.
+// Newton steps. Double roots may be missing, and roots of polynomials of a
+// lower degree (c[10] = 0). Coefficients that are not finite have no roots. No
+// allocation.
 struct BracketedRoots {
   int count = 0;
   std::array<double, 10> values;

@@ -1,0 +1,151 @@
+#include "sfm/view_graph/component_averaging.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+constexpr int kNumImages = 8;
+
+Eigen::Quaterniond Rotation(double angle_rad) {
+  return Eigen::Quaterniond(
+      Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitY()));
+}
+
+// Image i of a ring that looks outwards, with centre (i, i^2 / 10, 0).
+Rigid3d CamFromWorld(int image) {
+  const Eigen::Quaterniond rotation = Rotation(0.3 * image);
+  const Eigen::Vector3d center(image, 0.1 * image * image, 0);
+  return {rotation, -(rotation * center)};
+}
+
+double DepthScale(int image) { return 1 + 0.1 * image; }
+
+// Exact pairs of images at most three apart; ids are image + 1.
+struct Component {
+  std::vector<colmap::image_t> image_ids;
+  PairGeometries pairs;
+  std::vector<Eigen::Quaterniond> rotations;
+};
+
+Component ExactComponent() {
+  Component component;
+  for (int i = 0; i < kNumImages; ++i) {
+    component.image_ids.push_back(i + 1);
+    component.rotations.push_back(CamFromWorld(i).rotation);
+    for (int j = i + 1; j < kNumImages && j <= i + 3; ++j) {
+      PairGeometry& pair = component.pairs[PairIdOfImages(i + 1, j + 1)];
+      pair.status = PairStatus::VALID;
+      pair.cam2_from_cam1 = CamFromWorld(j) * CamFromWorld(i).Inverse();
+      pair.has_scale = true;
+      pair.cam2_from_cam1.translation /= DepthScale(i);
+      pair.scale_1_from_2 = DepthScale(j) / DepthScale(i);
+      pair.num_matches = 110;
+      pair.inlier_matches.resize(100);
+    }
+  }
+  return component;
+}
+
+PairGeometry& PairOf(Component* component, int image1, int image2) {
+  return component->pairs.at(PairIdOfImages(image1 + 1, image2 + 1));
+}
+
+TEST(AverageComponentRotations, TakesOutWrongPairs) {
+  Component component = ExactComponent();
+  PairGeometry& wrong = PairOf(&component, 2, 4);
+  wrong.cam2_from_cam1.rotation = Rotation(0.5) * wrong.cam2_from_cam1.rotation;
+  const auto result = AverageComponentRotations(
+      {}, Scene(), {}, component.image_ids, &component.pairs);
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->image_ids, component.image_ids);
+  EXPECT_EQ(result->num_pairs_filtered, 1);
+  EXPECT_EQ(wrong.status, PairStatus::ROTATION_OUTLIER);
+  for (int i = 0; i < kNumImages; ++i) {
+    // Exact data; the first image is the gauge.
+    EXPECT_LT(result->cam_from_world[i].angularDistance(
+                  component.rotations[i] * component.rotations[0].conjugate()),
+              1e-6);
+  }
+}
+
+TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
+  Component component = ExactComponent();
+  // The last two images hang on wrong pairs that contradict each other.
+  for (int i = 0; i < kNumImages - 2; ++i) {
+    for (int j = kNumImages - 2; j < kNumImages && j <= i + 3; ++j) {
+      PairGeometry& pair = PairOf(&component, i, j);
+      pair.cam2_from_cam1.rotation =
+          Rotation(1.0 * i * j) * pair.cam2_from_cam1.rotation;
+    }
+  }
+  ComponentAveragingOptions options;
+  const auto result = AverageComponentRotations(
+      options, Scene(), {}, component.image_ids, &component.pairs);
+  ASSERT_TRUE(result);
+  size_t num_images = result->image_ids.size();
+  for (const auto& part : result->other_parts) num_images += part.size();
+  EXPECT_EQ(num_images, kNumImages);
+  EXPECT_EQ(result->cam_from_world.size(), result->image_ids.size());
+  for (const colmap::image_t image_id : {1, 2, 3, 4, 5, 6}) {
+    EXPECT_TRUE(std::binary_search(
+        result->image_ids.begin(), result->image_ids.end(), image_id));
+  }
+}
+
+TEST(AverageComponentScales, MedianImageHasScaleOne) {
+  Component component = ExactComponent();
+  PairGeometry& wrong = PairOf(&component, 1, 3);
+  wrong.scale_1_from_2 *= 3;
+  const ComponentScales result = AverageComponentScales(
+      {}, false, ImageIndex(component.image_ids), &component.pairs);
+  EXPECT_EQ(result.num_outliers, 1);
+  EXPECT_FALSE(wrong.has_scale);
+  EXPECT_EQ(wrong.status, PairStatus::VALID);
+  ASSERT_EQ(result.scales.size(), kNumImages);
+  // Of eight images the median is the mean of two, in logarithms.
+  const double median = std::sqrt(DepthScale(3) * DepthScale(4));
+  for (int i = 0; i < kNumImages; ++i) {
+    // The wrong pair, off by 33 standard deviations, keeps a weight of 1e-4.
+    EXPECT_NEAR(result.scales.at(i + 1), DepthScale(i) / median, 1e-4);
+  }
+}
+
+TEST(AverageComponentScales, SkippedScalesAreOne) {
+  Component component = ExactComponent();
+  const ComponentScales result = AverageComponentScales(
+      {}, true, ImageIndex(component.image_ids), &component.pairs);
+  EXPECT_EQ(result.num_outliers, 0);
+  for (const auto& [image_id, scale] : result.scales) EXPECT_EQ(scale, 1);
+}
+
+TEST(FilterByTranslation, TakesOutPairsOffTheirLoops) {
+  Component component = ExactComponent();
+  ImageScales scales;
+  for (int i = 0; i < kNumImages; ++i) scales[i + 1] = DepthScale(i);
+  PairGeometry& wrong = PairOf(&component, 3, 6);
+  // The opposite direction, off by twice its length.
+  wrong.cam2_from_cam1.translation *= -1;
+  EXPECT_EQ(FilterByTranslation({},
+                                ImageIndex(component.image_ids),
+                                component.rotations,
+                                scales,
+                                &component.pairs),
+            1);
+  EXPECT_EQ(wrong.status, PairStatus::TRANSLATION_OUTLIER);
+}
+
+TEST(ComponentAveragingOptions, NamesTheInvalidField) {
+  ComponentAveragingOptions options;
+  std::string error;
+  EXPECT_TRUE(options.IsValid(&error));
+  options.max_translation_error_factor = 0.5;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_EQ(error, "max_translation_error_factor must be >= 1, but is 0.5");
+}
+
+}  // namespace
+}  // namespace dgsfm
