@@ -1,20 +1,14 @@
 #include "controllers/depth_geometric_verifier.h"
 
 #include "colmap_ext/database/depth_database.h"
-#include "colmap_ext/database/match_reader.h"
 #include "colmap_ext/database/scene_database.h"
-#include "colmap_ext/parallel.h"
 #include "controllers/commands/commands.h"
-#include "controllers/progress.h"
 #include "estimators/option_check.h"
 #include "sfm/intrinsics/prior_trust.h"
-#include "sfm/verification/pair_fingerprint.h"
-#include "sfm/view_graph/view_graph.h"
 
-#include <algorithm>
 #include <chrono>
 #include <iostream>
-#include <mutex>
+#include <utility>
 
 #include <glog/logging.h>
 
@@ -95,38 +89,24 @@ void BindVerification(PairVerificationOptions* options,
       "num_threads", &options->num_threads, "threads, -1 = all cores");
 }
 
-// One run over a database.
-class DatabaseVerifier {
+// Stores finished pairs from time to time: what a run that is broken off loses.
+class CheckpointedPairs {
  public:
-  DatabaseVerifier(const DepthGeometricVerifierOptions& options,
-                   const Scene& scene,
-                   const KeypointDepthMap& depths,
-                   DepthDatabase* database)
-      : options_(options),
-        options_text_(VerificationText(options.verification)),
-        scene_(scene),
-        depths_(depths),
-        connection_(options.database_path, SqliteConnection::Mode::READ_ONLY),
-        reader_(connection_, scene),
-        database_(database) {}
+  CheckpointedPairs(double interval_s, DepthDatabase* database)
+      : interval_s_(interval_s), database_(database) {}
 
-  VerificationSummary Run() {
-    VerificationSummary summary;
-    const std::vector<MatchReader::PairSize> pairs = FindWork(&summary);
-    LOG(INFO) << summary.num_kept << " pairs are verified already, "
-              << summary.num_deleted
-              << " stored ones are deleted because their matches, depths or "
-                 "options have changed";
-    size_t num_matches = 0;
-    for (const auto& pair : pairs) num_matches += pair.num_matches;
-    Progress progress("Verifying pairs", pairs.size(), num_matches);
-    ParallelFor(pairs.size(), options_.verification.num_threads, [&](size_t i) {
-      VerifyAndStore(pairs[i].pair_id);
-      progress.Step(pairs[i].num_matches);
-    });
-    StoreFinished();
-    summary.totals = database_->ReadPairTotals();
-    return summary;
+  void Add(colmap::image_pair_t pair_id, PairGeometry pair) {
+    finished_.emplace(pair_id, std::move(pair));
+    const std::chrono::duration<double> waited = Clock::now() - last_stored_;
+    if (waited.count() >= interval_s_ || finished_.size() >= kMaxNumFinished) {
+      Store();
+    }
+  }
+
+  void Store() {
+    if (!finished_.empty()) database_->WritePairGeometries(finished_);
+    finished_.clear();
+    last_stored_ = Clock::now();
   }
 
  private:
@@ -134,77 +114,7 @@ class DatabaseVerifier {
   // Bounds the memory of pairs that wait to be stored.
   static constexpr size_t kMaxNumFinished = 1000;
 
-  // Deletes the results that do not hold. Returns the pairs without one, by
-  // decreasing number of matches: a long one at the end would leave the other
-  // threads without work.
-  std::vector<MatchReader::PairSize> FindWork(VerificationSummary* summary) {
-    const auto stored = database_->ReadPairFingerprints();
-    std::vector<colmap::image_pair_t> stale;
-    std::vector<MatchReader::PairSize> work;
-    // Both are in the order of the ids.
-    auto next = stored.begin();
-    for (const MatchReader::PairSize& pair : reader_.ListPairs()) {
-      while (next != stored.end() && next->first < pair.pair_id) {
-        stale.push_back((next++)->first);
-      }
-      const bool is_stored =
-          next != stored.end() && next->first == pair.pair_id;
-      const bool holds =
-          is_stored && !options_.restart &&
-          next->second == Fingerprint(pair.pair_id, reader_.Read(pair.pair_id));
-      if (!holds) work.push_back(pair);
-      if (is_stored && !holds) stale.push_back(pair.pair_id);
-      if (is_stored) ++next;
-      summary->num_kept += holds;
-    }
-    for (; next != stored.end(); ++next) stale.push_back(next->first);
-    database_->DeletePairGeometries(stale);
-    summary->num_deleted = stale.size();
-    std::stable_sort(
-        work.begin(), work.end(), [](const auto& a, const auto& b) {
-          return a.num_matches > b.num_matches;
-        });
-    return work;
-  }
-
-  uint64_t Fingerprint(colmap::image_pair_t pair_id,
-                       const colmap::FeatureMatches& matches) const {
-    return PairFingerprint(scene_, depths_, pair_id, matches, options_text_);
-  }
-
-  void VerifyAndStore(colmap::image_pair_t pair_id) {
-    colmap::FeatureMatches matches;
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      matches = reader_.Read(pair_id);
-    }
-    PairGeometry pair =
-        VerifyPair(scene_, depths_, pair_id, matches, options_.verification);
-    pair.fingerprint = Fingerprint(pair_id, matches);
-    const std::lock_guard<std::mutex> lock(mutex_);
-    finished_.emplace(pair_id, std::move(pair));
-    const std::chrono::duration<double> waited = Clock::now() - last_stored_;
-    if (waited.count() >= options_.checkpoint_interval_s ||
-        finished_.size() >= kMaxNumFinished) {
-      StoreFinished();
-    }
-  }
-
-  void StoreFinished() {
-    if (!finished_.empty()) database_->WritePairGeometries(finished_);
-    finished_.clear();
-    last_stored_ = Clock::now();
-  }
-
-  const DepthGeometricVerifierOptions& options_;
-  const std::string options_text_;
-  const Scene& scene_;
-  const KeypointDepthMap& depths_;
-  const SqliteConnection connection_;
-
-  // Guards the following.
-  std::mutex mutex_;
-  MatchReader reader_;
+  const double interval_s_;
   DepthDatabase* database_;
   PairGeometries finished_;
   Clock::time_point last_stored_ = Clock::now();
@@ -311,16 +221,16 @@ Scene LoadScene(const DepthGeometricVerifierOptions& options,
   return scene;
 }
 
-PairGeometries VerifyScenePairs(const Scene& scene,
-                                const KeypointDepthMap& depths,
-                                const PairVerificationOptions& options,
-                                std::vector<StageReport>* stages) {
-  StageTimer timer("pair_verification");
-  Progress progress("Verifying pairs", scene.matches.size());
-  PairGeometries pairs =
-      VerifyPairs(scene, depths, options, [&progress]() { progress.Step(); });
-  timer.Add(CountPairs(pairs)).Finish(stages);
-  return pairs;
+DatabasePairVerifier CreatePairVerifier(
+    const DepthGeometricVerifierOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths) {
+  return DatabasePairVerifier(options.database_path,
+                              options.use_depth,
+                              options.verification,
+                              VerificationText(options.verification),
+                              scene,
+                              depths);
 }
 
 VerificationSummary VerifyDatabasePairs(
@@ -333,8 +243,30 @@ VerificationSummary VerifyDatabasePairs(
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const KeypointDepthMap depths = LoadDepths(options, {}, &stages);
   StageTimer timer("pair_verification");
-  const VerificationSummary summary =
-      DatabaseVerifier(options, scene, depths, &database).Run();
+  DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
+  const DatabasePairVerifier::Fingerprints stored =
+      database.ReadPairFingerprints();
+  const auto comparison = verifier.Compare(
+      options.restart ? DatabasePairVerifier::Fingerprints() : stored);
+  VerificationSummary summary;
+  summary.num_kept = comparison.holding.size();
+  summary.num_deleted = stored.size() - summary.num_kept;
+  if (options.restart) {
+    database.DeleteAllPairGeometries();
+  } else {
+    database.DeletePairGeometries(comparison.stale);
+  }
+  LOG(INFO) << summary.num_kept << " pairs are verified already, "
+            << summary.num_deleted
+            << " stored ones are deleted because their matches, depths or "
+               "options have changed";
+  CheckpointedPairs finished(options.checkpoint_interval_s, &database);
+  verifier.Verify(comparison.work,
+                  [&](colmap::image_pair_t pair_id, PairGeometry pair) {
+                    finished.Add(pair_id, std::move(pair));
+                  });
+  finished.Store();
+  summary.totals = database.ReadPairTotals();
   timer.Add("kept", double(summary.num_kept))
       .Add("deleted", double(summary.num_deleted))
       .Add(summary.totals)

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "controllers/commands/command_options.h"
+#include "controllers/database_pair_verifier.h"
 #include "sfm/stage_report.h"
 #include "sfm/verification/pair_verification.h"
 
@@ -52,11 +53,11 @@ Scene LoadScene(const DepthGeometricVerifierOptions& options,
                 int max_num_keypoints,
                 std::vector<StageReport>* stages);
 
-// Verifies all pairs of a scene and shows the progress.
-PairGeometries VerifyScenePairs(const Scene& scene,
-                                const KeypointDepthMap& depths,
-                                const PairVerificationOptions& options,
-                                std::vector<StageReport>* stages);
+// The verifier of a database with these options.
+DatabasePairVerifier CreatePairVerifier(
+    const DepthGeometricVerifierOptions& options,
+    const Scene& scene,
+    const KeypointDepthMap& depths);
 
 struct VerificationSummary {
   // Over all pairs of the database.

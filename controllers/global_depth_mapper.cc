@@ -2,12 +2,12 @@
 
 #include "colmap_ext/database/colmap_schema.h"
 #include "colmap_ext/database/depth_database.h"
+#include "colmap_ext/database/keypoint_selection.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/depth/image_orientation.h"
 #include "colmap_ext/model/model_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
-#include "controllers/dense_pair_verification.h"
 #include "controllers/mapper_report.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
@@ -106,6 +106,12 @@ void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
                   "depth_importer --displayed_image_path";
 }
 
+std::string PairName(const Scene& scene, colmap::image_pair_t pair_id) {
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  return scene.images.at(image_id1).Name() + ", " +
+         scene.images.at(image_id2).Name();
+}
+
 std::string UnitText(const MeasuredUnit& measured) {
   const auto spread_percent =
       std::lround(100 * std::expm1(measured.log_spread));
@@ -194,67 +200,45 @@ bool GlobalDepthMapper::Run() {
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
     const Scene& scene,
     const KeypointDepthMap& depths,
-    std::vector<StageReport>* stages) {
-  PairGeometries stored;
-  if (options_.verifier.use_depth) {
-    stored = DepthDatabase(options_.verifier.database_path,
-                           DepthDatabase::Mode::READ_ONLY)
-                 .ReadPairGeometries(scene.kept_keypoints);
-  }
-  if (!stored.empty()) return CheckedPairs(scene, depths, stored, stages);
-  return Verify(scene, depths, stages);
-}
-
-PairGeometries GlobalDepthMapper::Verify(
-    const Scene& scene,
-    const KeypointDepthMap& depths,
     std::vector<StageReport>* stages) const {
-  return scene.kept_keypoints.empty()
-             ? VerifyScenePairs(
-                   scene, depths, options_.verifier.verification, stages)
-             : VerifyDensePairs(options_.verifier, scene, stages);
-}
-
-PairGeometries GlobalDepthMapper::CheckedPairs(
-    const Scene& scene,
-    const KeypointDepthMap& depths,
-    const PairGeometries& stored,
-    std::vector<StageReport>* stages) const {
-  const auto pair_name = [&](colmap::image_pair_t pair_id) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    return scene.images.at(image_id1).Name() + ", " +
-           scene.images.at(image_id2).Name();
-  };
-  const auto fingerprints = PairFingerprints(options_.verifier, scene);
+  const DepthGeometricVerifierOptions& options = options_.verifier;
+  StageTimer timer("pair_verification");
   PairGeometries pairs;
-  std::vector<colmap::image_pair_t> stale;
-  for (const auto& [pair_id, matches] : scene.matches) {
-    const auto it = stored.find(pair_id);
-    if (it == stored.end()) {
-      throw std::runtime_error(
-          options_.verifier.database_path + ": the pair " + pair_name(pair_id) +
-          " is not verified, as others are: run depth_geometric_verifier");
-    }
-    if (it->second.fingerprint != fingerprints.at(pair_id)) {
-      stale.push_back(pair_id);
-      continue;
-    }
-    pairs[pair_id] = it->second;
-    pairs[pair_id].num_matches = matches.size();
+  if (options.use_depth) {
+    pairs = DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)
+                .ReadPairGeometries(scene.kept_keypoints);
   }
-  LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
-            << options_.verifier.database_path;
-  if (stale.empty()) return pairs;
-  LOG(WARNING) << stale.size() << " verified pairs of the database, e.g. "
-               << pair_name(stale.front())
-               << ", are of other matches, depths or options, or of another "
-                  "version of this program: they are verified again";
-  Scene stale_scene = scene;
-  stale_scene.matches.clear();
-  for (const colmap::image_pair_t pair_id : stale) {
-    stale_scene.matches[pair_id] = scene.matches.at(pair_id);
+  DatabasePairVerifier::Fingerprints fingerprints;
+  for (const auto& [pair_id, pair] : pairs) {
+    fingerprints[pair_id] = pair.fingerprint;
   }
-  pairs.merge(Verify(stale_scene, depths, stages));
+  DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
+  const auto comparison = verifier.Compare(fingerprints);
+  for (const colmap::image_pair_t pair_id : comparison.stale) {
+    pairs.erase(pair_id);
+  }
+  if (!fingerprints.empty()) {
+    LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
+              << options.database_path;
+    if (!comparison.work.empty()) {
+      LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
+                   << PairName(scene, comparison.work.front().pair_id)
+                   << ", are not verified yet, or of other matches, depths or "
+                      "options, or by another version of this program: they "
+                      "are verified now";
+    }
+  }
+  verifier.Verify(comparison.work,
+                  [&](colmap::image_pair_t pair_id, PairGeometry pair) {
+                    RestrictInliers(scene.kept_keypoints, pair_id, &pair);
+                    pairs[pair_id] = std::move(pair);
+                  });
+  for (auto& [pair_id, pair] : pairs) {
+    pair.num_matches = scene.matches.at(pair_id).size();
+  }
+  timer.Add("kept", double(comparison.holding.size()))
+      .Add(CountPairs(pairs))
+      .Finish(stages);
   return pairs;
 }
 

@@ -20,18 +20,11 @@ class GlobalDepthMapper {
   bool Run();
 
  private:
+  // Geometries of all pairs of the scene: stored ones that hold, all others
+  // verified.
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
-                                   std::vector<StageReport>* stages);
-  PairGeometries Verify(const Scene& scene,
-                        const KeypointDepthMap& depths,
-                        std::vector<StageReport>* stages) const;
-  // Geometries of all pairs of the scene. Throws where one is not stored; those
-  // that do not hold any more are verified again.
-  PairGeometries CheckedPairs(const Scene& scene,
-                              const KeypointDepthMap& depths,
-                              const PairGeometries& stored,
-                              std::vector<StageReport>* stages) const;
+                                   std::vector<StageReport>* stages) const;
   void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
   void WritePairStatuses(const PairGeometries& pairs) const;
 

@@ -309,15 +309,16 @@ std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries(
   return geometries;
 }
 
-std::vector<std::pair<colmap::image_pair_t, uint64_t>>
-DepthDatabase::ReadPairFingerprints() const {
-  std::vector<std::pair<colmap::image_pair_t, uint64_t>> fingerprints;
+std::map<colmap::image_pair_t, uint64_t> DepthDatabase::ReadPairFingerprints()
+    const {
+  std::map<colmap::image_pair_t, uint64_t> fingerprints;
   if (!impl_->HasTables()) return fingerprints;
   SqliteStatement select(impl_->connection,
                          "SELECT pair_id, fingerprint "
                          "FROM dgsfm_pair_geometries ORDER BY pair_id");
   while (select.Step()) {
-    fingerprints.emplace_back(static_cast<colmap::image_pair_t>(select.Int(0)),
+    fingerprints.emplace_hint(fingerprints.end(),
+                              static_cast<colmap::image_pair_t>(select.Int(0)),
                               static_cast<uint64_t>(select.Int(1)));
   }
   return fingerprints;

@@ -77,8 +77,7 @@ class DepthDatabase {
   std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries(
       const KeptKeypoints& kept = {}) const;
   // Fingerprints of all rows, by increasing pair id.
-  std::vector<std::pair<colmap::image_pair_t, uint64_t>> ReadPairFingerprints()
-      const;
+  std::map<colmap::image_pair_t, uint64_t> ReadPairFingerprints() const;
   // Totals of all rows.
   PairTotals ReadPairTotals() const;
   void DeletePairGeometries(const std::vector<colmap::image_pair_t>& pair_ids);

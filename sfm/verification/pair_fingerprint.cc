@@ -53,16 +53,4 @@ uint64_t PairFingerprint(const PairImage& image1,
   return hash.Value();
 }
 
-uint64_t PairFingerprint(const Scene& scene,
-                         const KeypointDepthMap& depths,
-                         colmap::image_pair_t pair_id,
-                         const colmap::FeatureMatches& matches,
-                         const std::string& options_text) {
-  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  return PairFingerprint(CreatePairImage(scene, depths, image_id1),
-                         CreatePairImage(scene, depths, image_id2),
-                         matches,
-                         options_text);
-}
-
 }  // namespace dgsfm

@@ -15,10 +15,5 @@ uint64_t PairFingerprint(const PairImage& image1,
                          const PairImage& image2,
                          const colmap::FeatureMatches& matches,
                          const std::string& options_text);
-uint64_t PairFingerprint(const Scene& scene,
-                         const KeypointDepthMap& depths,
-                         colmap::image_pair_t pair_id,
-                         const colmap::FeatureMatches& matches,
-                         const std::string& options_text);
 
 }  // namespace dgsfm

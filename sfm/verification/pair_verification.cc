@@ -274,17 +274,15 @@ PairGeometry VerifyPair(const Scene& scene,
 
 PairGeometries VerifyPairs(const Scene& scene,
                            const KeypointDepthMap& depths,
-                           const PairVerificationOptions& options,
-                           const std::function<void()>& on_pair_done) {
-  return VerifyPairs(scene, scene.matches, depths, options, on_pair_done);
+                           const PairVerificationOptions& options) {
+  return VerifyPairs(scene, scene.matches, depths, options);
 }
 
 PairGeometries VerifyPairs(
     const Scene& scene,
     const std::map<colmap::image_pair_t, colmap::FeatureMatches>& matches,
     const KeypointDepthMap& depths,
-    const PairVerificationOptions& options,
-    const std::function<void()>& on_pair_done) {
+    const PairVerificationOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
 
@@ -306,7 +304,6 @@ PairGeometries VerifyPairs(
     const Item& item = items[i];
     *item.result =
         VerifyPair(scene, depths, item.pair_id, *item.matches, options);
-    if (on_pair_done) on_pair_done();
   });
   return pairs;
 }

@@ -8,7 +8,6 @@
 #include "estimators/two_view/depth_consistency.h"
 #include "estimators/two_view/two_view_geometry_depth.h"
 
-#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -78,18 +77,15 @@ PairGeometry VerifyPair(const Scene& scene,
 
 // Verifies all pairs of scene.matches with at least min_num_inliers matches,
 // longest first; pairs with fewer are listed as TOO_FEW_MATCHES.
-// `on_pair_done`, if given, is called after each pair from its thread.
 PairGeometries VerifyPairs(const Scene& scene,
                            const KeypointDepthMap& depths,
-                           const PairVerificationOptions& options,
-                           const std::function<void()>& on_pair_done = {});
+                           const PairVerificationOptions& options);
 
 // As above, with these matches instead of the scene's.
 PairGeometries VerifyPairs(
     const Scene& scene,
     const std::map<colmap::image_pair_t, colmap::FeatureMatches>& matches,
     const KeypointDepthMap& depths,
-    const PairVerificationOptions& options,
-    const std::function<void()>& on_pair_done = {});
+    const PairVerificationOptions& options);
 
 }  // namespace dgsfm

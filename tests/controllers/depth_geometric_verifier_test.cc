@@ -166,15 +166,16 @@ TEST_F(DepthGeometricVerifier, KilledRunsEndUpWithTheSameTables) {
   EXPECT_EQ(PairRows(killed), rows);
 }
 
-TEST_F(DepthGeometricVerifier, MapperAsksForTheRestOfABrokenRun) {
+TEST_F(DepthGeometricVerifier, MapperVerifiesTheRestOfABrokenRun) {
   Verify();
   SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
       .Execute("DELETE FROM dgsfm_pair_geometries WHERE pair_id = 2147483649");
   const CommandResult result =
       RunForTest(&RunDepthGlobalMapper,
                  {"--database_path", path_, "--output_path", dir_ + "/model"});
-  EXPECT_EQ(result.code, 1);
-  EXPECT_THAT(result.err, HasSubstr("run depth_geometric_verifier"));
+  EXPECT_EQ(result.code, 0);
+  EXPECT_THAT(result.err, HasSubstr("] 1 pairs, e.g. "));
+  EXPECT_THAT(result.err, HasSubstr("they are verified now"));
 }
 
 TEST_F(DepthGeometricVerifier, TablesOfVersion1AreBroughtUpToDate) {

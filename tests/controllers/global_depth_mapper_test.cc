@@ -252,7 +252,7 @@ TEST_F(GlobalDepthMapperTest, PairsOfOtherOptionsAreVerifiedAgain) {
                                            "--random_seed",
                                            "3"});
   EXPECT_EQ(result.code, 0);
-  EXPECT_THAT(result.err, testing::HasSubstr("they are verified again"));
+  EXPECT_THAT(result.err, testing::HasSubstr("they are verified now"));
   EXPECT_EQ(view_graph(), expected);
   // An earlier version had other fingerprints.
   ASSERT_EQ(RunForTest(&RunDepthGeometricVerifier,

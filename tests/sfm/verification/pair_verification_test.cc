@@ -286,9 +286,11 @@ TEST(VerifyPair, TakesOutPairsWhoseMatchesDoNotMove) {
 
 TEST(PairFingerprint, ChangesWithAllThatThePairIsVerifiedFrom) {
   const TestPair pair = CreatePair(Pinhole(true), Pinhole(false));
-  const colmap::image_pair_t pair_id = PairIdOfImages(1, 2);
   const auto fingerprint = [&](const TestPair& p, const std::string& text) {
-    return PairFingerprint(p.scene, p.depths, pair_id, p.matches, text);
+    return PairFingerprint(CreatePairImage(p.scene, p.depths, 1),
+                           CreatePairImage(p.scene, p.depths, 2),
+                           p.matches,
+                           text);
   };
   std::vector<uint64_t> values = {fingerprint(pair, "a=1"),
                                   fingerprint(pair, "a=2")};
