@@ -267,14 +267,10 @@ bool IsDepth(double depth) { return std::isfinite(depth) && depth > 0; }
 }  // namespace
 
 bool DepthAlignmentOptions::IsValid(std::string* error) const {
-  return CheckOption(min_num_points >= kNumFolds,
-                     "min_num_points must be >= 5",
-                     min_num_points,
-                     error) &&
-         CheckOption(num_nodes >= 2 && num_nodes <= 64,
-                     "num_nodes must be in [2, 64]",
-                     num_nodes,
-                     error);
+  return OptionBounds(error)
+      .AtLeast("min_num_points", min_num_points, 5)
+      .Within("num_nodes", num_nodes, 2, 64)
+      .AreKept();
 }
 
 double DepthAlignment::Apply(double u, double v, double map_depth) const {

@@ -5,15 +5,15 @@
 namespace dgsfm {
 
 bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
-  if (!view_graph.IsValid(error) || !view_graph_calibration.IsValid(error) ||
-      !averaging.IsValid(error) || !tracks.IsValid(error) ||
-      !refinement.IsValid(error) || !camera_grouping.IsValid(error)) {
-    return false;
-  }
-  return CheckOption(min_model_size >= 2,
-                     "min_model_size must be >= 2",
-                     min_model_size,
-                     error);
+  return OptionBounds(error)
+      .Valid(view_graph)
+      .Valid(view_graph_calibration)
+      .Valid(averaging)
+      .Valid(tracks)
+      .Valid(refinement)
+      .Valid(camera_grouping)
+      .AtLeast("min_model_size", min_model_size, 2)
+      .AreKept();
 }
 
 }  // namespace dgsfm

@@ -35,20 +35,12 @@ double MeanChange(const std::vector<GraphEdge>& edges,
 }  // namespace
 
 bool GraphAveragingOptions::IsValid(std::string* error) const {
-  return CheckOption(max_num_l1_iterations >= 0,
-                     "max_num_l1_iterations must be >= 0",
-                     max_num_l1_iterations,
-                     error) &&
-         CheckOption(max_num_irls_iterations >= 0,
-                     "max_num_irls_iterations must be >= 0",
-                     max_num_irls_iterations,
-                     error) &&
-         CheckOption(
-             loss_scale > 0, "loss_scale must be > 0", loss_scale, error) &&
-         CheckOption(convergence_threshold >= 0,
-                     "convergence_threshold must be >= 0",
-                     convergence_threshold,
-                     error);
+  return OptionBounds(error)
+      .AtLeast("max_num_l1_iterations", max_num_l1_iterations, 0)
+      .AtLeast("max_num_irls_iterations", max_num_irls_iterations, 0)
+      .Above("loss_scale", loss_scale, 0)
+      .AtLeast("convergence_threshold", convergence_threshold, 0)
+      .AreKept();
 }
 
 std::function<double(double)> L1Weight(double floor) {

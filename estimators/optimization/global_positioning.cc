@@ -264,28 +264,15 @@ PointMinimizerSummary MinimizeWithoutScales(
 }  // namespace
 
 bool GlobalPositioningOptions::IsValid(std::string* error) const {
-  return CheckOption(max_num_iterations >= 1,
-                     "max_num_iterations must be >= 1",
-                     max_num_iterations,
-                     error) &&
-         CheckOption(
-             loss_scale > 0, "loss_scale must be > 0", loss_scale, error) &&
-         CheckOption(function_tolerance >= 0,
-                     "function_tolerance must be >= 0",
-                     function_tolerance,
-                     error) &&
-         CheckOption(
-             ray_stddev > 0, "ray_stddev must be > 0", ray_stddev, error) &&
-         CheckOption(max_num_depths > 0,
-                     "max_num_depths must be > 0",
-                     max_num_depths,
-                     error) &&
-         CheckOption(log_factor_stddev > 0,
-                     "log_factor_stddev must be > 0",
-                     log_factor_stddev,
-                     error) &&
-         CheckOption(
-             num_threads >= 1, "num_threads must be >= 1", num_threads, error);
+  return OptionBounds(error)
+      .AtLeast("max_num_iterations", max_num_iterations, 1)
+      .Above("loss_scale", loss_scale, 0)
+      .AtLeast("function_tolerance", function_tolerance, 0)
+      .Above("ray_stddev", ray_stddev, 0)
+      .Above("max_num_depths", max_num_depths, 0)
+      .Above("log_factor_stddev", log_factor_stddev, 0)
+      .AtLeast("num_threads", num_threads, 1)
+      .AreKept();
 }
 
 GlobalPositioningSummary SolveGlobalPositioning(

@@ -248,27 +248,14 @@ class ModelBundle {
 }  // namespace
 
 bool BundleAdjustmentOptions::IsValid(std::string* error) const {
-  return CheckOption(max_num_iterations >= 1,
-                     "max_num_iterations must be >= 1",
-                     max_num_iterations,
-                     error) &&
-         CheckOption(function_tolerance >= 0,
-                     "function_tolerance must be >= 0",
-                     function_tolerance,
-                     error) &&
-         CheckOption(loss_scale_px > 0,
-                     "loss_scale_px must be > 0",
-                     loss_scale_px,
-                     error) &&
-         CheckOption(max_num_depths > 0,
-                     "max_num_depths must be > 0",
-                     max_num_depths,
-                     error) &&
-         CheckOption(max_depth_stddev > 0,
-                     "max_depth_stddev must be > 0",
-                     max_depth_stddev,
-                     error) &&
-         intrinsics.IsValid(error);
+  return OptionBounds(error)
+      .AtLeast("max_num_iterations", max_num_iterations, 1)
+      .AtLeast("function_tolerance", function_tolerance, 0)
+      .Above("loss_scale_px", loss_scale_px, 0)
+      .Above("max_num_depths", max_num_depths, 0)
+      .Above("max_depth_stddev", max_depth_stddev, 0)
+      .Valid(intrinsics)
+      .AreKept();
 }
 
 double AdaptedLossScale(const BundleAdjustmentOptions& options,

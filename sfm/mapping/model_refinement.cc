@@ -159,41 +159,19 @@ bool StaysOut(PairStatus status) {
 }  // namespace
 
 bool ModelRefinementOptions::IsValid(std::string* error) const {
-  if (!global_positioning.IsValid(error) || !bundle_adjustment.IsValid(error)) {
-    return false;
-  }
-  return CheckOption(max_angular_error_deg > 0,
-                     "max_angular_error_deg must be > 0",
-                     max_angular_error_deg,
-                     error) &&
-         CheckOption(max_reprojection_error_px > 0,
-                     "max_reprojection_error_px must be > 0",
-                     max_reprojection_error_px,
-                     error) &&
-         CheckOption(max_epipolar_error_px > 0,
-                     "max_epipolar_error_px must be > 0",
-                     max_epipolar_error_px,
-                     error) &&
-         CheckOption(max_completion_error_px > 0,
-                     "max_completion_error_px must be > 0",
-                     max_completion_error_px,
-                     error) &&
-         CheckOption(num_bundle_adjustment_rounds >= 0,
-                     "num_bundle_adjustment_rounds must be >= 0",
-                     num_bundle_adjustment_rounds,
-                     error) &&
-         CheckOption(min_triangulation_angle_deg >= 0,
-                     "min_triangulation_angle_deg must be >= 0",
-                     min_triangulation_angle_deg,
-                     error) &&
-         CheckOption(min_num_triangulated_per_image >= 0,
-                     "min_num_triangulated_per_image must be >= 0",
-                     min_num_triangulated_per_image,
-                     error) &&
-         CheckOption(min_num_points_per_image >= 3,
-                     "min_num_points_per_image must be >= 3",
-                     min_num_points_per_image,
-                     error);
+  return OptionBounds(error)
+      .Valid(global_positioning)
+      .Valid(bundle_adjustment)
+      .Above("max_angular_error_deg", max_angular_error_deg, 0)
+      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
+      .Above("max_epipolar_error_px", max_epipolar_error_px, 0)
+      .Above("max_completion_error_px", max_completion_error_px, 0)
+      .AtLeast("num_bundle_adjustment_rounds", num_bundle_adjustment_rounds, 0)
+      .AtLeast("min_triangulation_angle_deg", min_triangulation_angle_deg, 0)
+      .AtLeast(
+          "min_num_triangulated_per_image", min_num_triangulated_per_image, 0)
+      .AtLeast("min_num_points_per_image", min_num_points_per_image, 3)
+      .AreKept();
 }
 
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,

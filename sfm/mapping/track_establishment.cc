@@ -106,14 +106,10 @@ std::vector<FeatureSet> JoinMatches(const ImageIndex& index,
 }  // namespace
 
 bool TrackOptions::IsValid(std::string* error) const {
-  return CheckOption(min_num_views_per_track >= 2,
-                     "min_num_views_per_track must be >= 2",
-                     min_num_views_per_track,
-                     error) &&
-         CheckOption(min_num_tracks_per_view >= 0,
-                     "min_num_tracks_per_view must be >= 0",
-                     min_num_tracks_per_view,
-                     error);
+  return OptionBounds(error)
+      .AtLeast("min_num_views_per_track", min_num_views_per_track, 2)
+      .AtLeast("min_num_tracks_per_view", min_num_tracks_per_view, 0)
+      .AreKept();
 }
 
 std::vector<colmap::Track> EstablishTracks(const ImageIndex& index,

@@ -178,25 +178,14 @@ PairStatus JudgePair(const PairGeometry& pair,
 }  // namespace
 
 bool PairVerificationOptions::IsValid(std::string* error) const {
-  if (!two_view.IsValid(error) || !depth_consistency.IsValid(error)) {
-    return false;
-  }
-  return CheckOption(min_num_inliers >= 5,
-                     "min_num_inliers must be >= 5",
-                     min_num_inliers,
-                     error) &&
-         CheckOption(min_inlier_ratio >= 0 && min_inlier_ratio <= 1,
-                     "min_inlier_ratio must be in [0, 1]",
-                     min_inlier_ratio,
-                     error) &&
-         CheckOption(depth_noise_factor >= 0,
-                     "depth_noise_factor must be >= 0",
-                     depth_noise_factor,
-                     error) &&
-         CheckOption(max_scale_ratio > 1,
-                     "max_scale_ratio must be > 1",
-                     max_scale_ratio,
-                     error);
+  return OptionBounds(error)
+      .Valid(two_view)
+      .Valid(depth_consistency)
+      .AtLeast("min_num_inliers", min_num_inliers, 5)
+      .Within("min_inlier_ratio", min_inlier_ratio, 0, 1)
+      .AtLeast("depth_noise_factor", depth_noise_factor, 0)
+      .Above("max_scale_ratio", max_scale_ratio, 1)
+      .AreKept();
 }
 
 PairImage CreatePairImage(const Scene& scene,

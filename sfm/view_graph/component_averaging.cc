@@ -235,28 +235,17 @@ std::vector<RelativeTranslation> MetricTranslations(
 }  // namespace
 
 bool ComponentAveragingOptions::IsValid(std::string* error) const {
-  return rotation_averaging.IsValid(error) && scale_averaging.IsValid(error) &&
-         CheckOption(num_rotation_averaging_rounds >= 1,
-                     "num_rotation_averaging_rounds must be >= 1",
-                     num_rotation_averaging_rounds,
-                     error) &&
-         CheckOption(max_rotation_error_deg > 0,
-                     "max_rotation_error_deg must be > 0",
-                     max_rotation_error_deg,
-                     error) &&
-         CheckOption(max_log_scale_error > 0,
-                     "max_log_scale_error must be > 0",
-                     max_log_scale_error,
-                     error) &&
-         translation_averaging.IsValid(error) &&
-         CheckOption(max_translation_error_ratio > 0,
-                     "max_translation_error_ratio must be > 0",
-                     max_translation_error_ratio,
-                     error) &&
-         CheckOption(max_translation_error_factor >= 1,
-                     "max_translation_error_factor must be >= 1",
-                     max_translation_error_factor,
-                     error);
+  return OptionBounds(error)
+      .Valid(rotation_averaging)
+      .Valid(scale_averaging)
+      .AtLeast(
+          "num_rotation_averaging_rounds", num_rotation_averaging_rounds, 1)
+      .Above("max_rotation_error_deg", max_rotation_error_deg, 0)
+      .Above("max_log_scale_error", max_log_scale_error, 0)
+      .Valid(translation_averaging)
+      .Above("max_translation_error_ratio", max_translation_error_ratio, 0)
+      .AtLeast("max_translation_error_factor", max_translation_error_factor, 1)
+      .AreKept();
 }
 
 std::optional<ComponentRotations> AverageComponentRotations(

@@ -26,14 +26,10 @@ std::vector<colmap::image_t> ImagesOfValidPairs(const PairGeometries& pairs) {
 }  // namespace
 
 bool ViewGraphFilterOptions::IsValid(std::string* error) const {
-  return CheckOption(min_pair_score >= 0 && min_pair_score <= 1,
-                     "min_pair_score must be in [0, 1]",
-                     min_pair_score,
-                     error) &&
-         CheckOption(min_triplet_support >= 0 && min_triplet_support <= 1,
-                     "min_triplet_support must be in [0, 1]",
-                     min_triplet_support,
-                     error);
+  return OptionBounds(error)
+      .Within("min_pair_score", min_pair_score, 0, 1)
+      .Within("min_triplet_support", min_triplet_support, 0, 1)
+      .AreKept();
 }
 
 PairTotals CountPairs(const PairGeometries& pairs) {
