@@ -57,12 +57,12 @@ struct PairVerdict {
   PairStatus status = PairStatus::NO_GEOMETRY;
 };
 
-// What the matches of a pair cannot tell: bits of PairGeometry::degeneracies,
+// What the matches of a pair leave open: bits of PairGeometry::degeneracies,
 // of which a pair may have several. The numbers are stored in databases:
 // append, never renumber.
 enum class PairDegeneracy : uint32_t {
   PLANAR = 1,         // a homography explains the inliers
-  ROTATION_ONLY = 2,  // the translation cannot be told from zero
+  ROTATION_ONLY = 2,  // the translation does not differ from zero
   STATIONARY = 4,     // the inliers do not move between the images
   WEAK_FOCAL1 = 8,    // focal length 1 is neither known nor determined
   WEAK_FOCAL2 = 16,

@@ -1,4 +1,4 @@
-// The one place that knows how COLMAP keeps an image's pose (3.8: quaternion
+// The only access to the pose that COLMAP keeps for an image (3.8: quaternion
 // and translation in the image; 4.x: a frame).
 
 #pragma once

@@ -3,7 +3,7 @@
 namespace dgsfm {
 
 // Largest resident memory of this process so far [MB]; 0 where the system does
-// not tell.
+// not report it.
 double PeakMemoryMb();
 
 }  // namespace dgsfm

@@ -65,8 +65,8 @@ struct DepthExportSummary {
 // as it is in the undistorted model, which dense stereo and splatting expect.
 //
 // Throws std::runtime_error naming file or image if something cannot be read or
-// written, if the database holds no map (key points only, say), or if none of
-// its images is in the model.
+// written, if the database holds no map (but depths of key points only), or if
+// none of its images is in the model.
 DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const std::optional<std::string>& model_path,
                                    const std::string& output_path,

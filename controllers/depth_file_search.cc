@@ -36,7 +36,7 @@ bool HasBetterVersion(const fs::path& file) {
                     ".bin");
 }
 
-// Links to nothing count, so that reading them tells.
+// Links to nothing count, so that reading them fails with the reason.
 bool IsFile(const fs::directory_entry& entry) {
   return entry.is_regular_file() || (entry.is_symlink() && !entry.exists());
 }

@@ -33,7 +33,7 @@ struct DepthGeometricVerifierOptions {
 // Binds all options; call before parsing.
 void BindOptions(DepthGeometricVerifierOptions* options,
                  CommandOptions* command_options);
-// Binds those that say what is verified and how.
+// Binds those of input and estimation.
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
                              CommandOptions* command_options);
 

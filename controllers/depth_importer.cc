@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 // of them is slow.
 constexpr size_t kBatchSizePerThread = 4;
 
-// What is stored and told of an image, or why it cannot be.
+// What is stored and reported for an image, or why it cannot be.
 struct ImageDepth {
   CompressedDepthMap depth_map;
   KeypointDepths keypoint_depths;

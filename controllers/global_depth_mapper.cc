@@ -101,7 +101,7 @@ void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
   if (names.empty()) return;
   LOG(WARNING) << names.size() << " images with depth, e.g. " << names.front()
                << ", are turned by EXIF in a way that the shape of a map does "
-                  "not tell: if their maps were made of the images as viewers "
+                  "not show: if their maps were made of the images as viewers "
                   "show them, they must have been imported with "
                   "depth_importer --displayed_image_path";
 }

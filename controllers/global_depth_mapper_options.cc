@@ -84,7 +84,7 @@ void BindBundleAdjustment(ModelRefinementOptions* options,
            "depths of an image that count; more share their weight")
       .Add("ba_max_depth_stddev",
            &adjustment.max_depth_stddev,
-           "noisier depth maps have no say in bundle adjustment [log]");
+           "noisier depth maps are not used in bundle adjustment [log]");
 }
 
 void BindRefinement(ModelRefinementOptions* options,

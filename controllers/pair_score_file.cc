@@ -96,7 +96,7 @@ std::vector<std::string> SplitCsv(const std::string& line) {
   return fields;
 }
 
-// Collects entries and says where in the file a wrong one is.
+// Collects entries; errors name the place in the file.
 class ScoreCollector {
  public:
   explicit ScoreCollector(const Scene& scene) {

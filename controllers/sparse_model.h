@@ -1,4 +1,4 @@
-// A model on disk and what its points say of the depth of its images.
+// A model on disk, and the depths of its points in its images.
 
 #pragma once
 

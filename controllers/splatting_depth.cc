@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr double kNumSteps = 65536;
 constexpr double kMaxPixel = 65535;
 
-// What the loader knows an image by.
+// The loader's key of an image.
 std::string Key(const std::string& image_name) {
   return fs::path(image_name).replace_extension().generic_string();
 }

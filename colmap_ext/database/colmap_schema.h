@@ -13,7 +13,7 @@ namespace dgsfm {
 // database has the tables that all COLMAP versions from 3.8 to 4.2 create.
 void CheckIsColmapDatabase(const SqliteConnection& connection);
 
-// Images with a position of their own, of GPS say.
+// Number of images with a position prior, for example from GPS.
 int64_t CountPosePriors(const SqliteConnection& connection);
 
 // Whether a blob of so many values can be a matrix of the announced size.

@@ -83,15 +83,16 @@ class DepthDatabase {
   void DeletePairGeometries(const std::vector<colmap::image_pair_t>& pair_ids);
   void DeleteAllPairGeometries();
 
-  // Replaces the table of pair statuses: what a mapper made of each pair, while
-  // the geometries keep what verification said. It is created where missing.
+  // Replaces the table of pair statuses: what a mapper decided on each pair,
+  // while the geometries keep the result of verification. It is created where
+  // missing.
   void WritePairStatuses(
       const std::map<colmap::image_pair_t, PairStatus>& statuses);
   // Empty if no mapper has written any.
   std::map<colmap::image_pair_t, PairStatus> ReadPairStatuses() const;
 
   // Images whose maps were made of them as viewers show them, and were turned
-  // back by EXIF: whoever imports maps says so of each of them.
+  // back by EXIF. An importer sets it for each map.
   void WriteIsDisplayed(colmap::image_t image_id, bool is_displayed);
   std::set<colmap::image_t> ReadDisplayedImages() const;
 

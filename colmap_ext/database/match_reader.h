@@ -38,7 +38,7 @@ class MatchReader {
   void CheckIndex(const std::string& pair,
                   const colmap::Image& image,
                   colmap::point2D_t point2D_idx) const;
-  // As the table says; 0 without a row.
+  // Number of rows of the blob; 0 without one.
   int64_t NumKeypoints(const colmap::Image& image) const;
 
   const SqliteConnection& connection_;

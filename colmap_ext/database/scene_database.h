@@ -40,7 +40,7 @@ Scene ReadSceneWithoutFeatures(
     std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
 
 // Throws std::runtime_error naming the rig if images of several cameras move
-// together (COLMAP 3.12 and later), which Scene does not tell.
+// together (COLMAP 3.12 and later), which Scene cannot represent.
 void CheckHasNoRig(const std::string& database_path);
 
 // The key points of one image of the scene [px]; none if it has no row. Throws

@@ -103,7 +103,7 @@ SqliteConnection::SqliteConnection(const std::string& path,
            SQLITE_OPEN_READWRITE |
                (mode == Mode::CREATE ? SQLITE_OPEN_CREATE : 0));
     }
-    // SQLite opens lazily: the first query tells whether the file is usable.
+    // SQLite opens lazily: the first query shows whether the file is usable.
     Execute("SELECT 1 FROM sqlite_master LIMIT 1");
     if (mode == Mode::READ_ONLY) {
       Execute("PRAGMA query_only = ON");

@@ -14,7 +14,7 @@
 
 namespace dgsfm {
 
-// What a number in a file says about the pixel's ray. Z: third coordinate in
+// Meaning of a number in a file. Z: third coordinate in
 // the camera frame. RANGE: length of the ray. INVERSE: one over the third
 // coordinate (disparity).
 enum class DepthType { Z, RANGE, INVERSE };
@@ -62,8 +62,8 @@ struct ImportedDepth {
   DepthMap depth_map;
   // Share of map pixels with known depth, in (0, 1].
   double coverage = 0;
-  // Focal length that the depth model saw in the image [px of the image]; 0 if
-  // the file says nothing.
+  // Focal length that the depth model estimated [px of the image]; 0 if the
+  // file has none.
   double focal_length_px = 0;
   // Whether the map's aspect is not the image's, within 2 % and one pixel of
   // rounding per side.
@@ -83,7 +83,7 @@ const std::vector<std::string>& DepthFileExtensions();
 //   `conf` or `confidence`, or `uncertainty` exclude are unknown; the array
 //   `intrinsics` or `intrinsic` has the focal length: a camera matrix in units
 //   of the map's width and height, as MoGe has it, or in pixels of the map or
-//   of the image, which its principal point tells apart, or a vector that
+//   of the image (its principal point decides), or a vector that
 //   begins with the focal length in pixels of the map; an identity matrix
 //   counts as none;
 // - .exr: see ParseExr; .tif, .tiff: see ParseTiff;
@@ -93,7 +93,7 @@ const std::vector<std::string>& DepthFileExtensions();
 // Everywhere NaN, infinity, zero and negative numbers are unknown.
 //
 // The map covers the whole image, so its aspect may differ (a network's square
-// input, say), up to max_aspect_factor. A map is refused as turned if its
+// input), up to max_aspect_factor. A map is refused as turned if its
 // transpose has the image's aspect within 2 % and it has not, within 2 % and
 // one pixel of rounding per side.
 //
@@ -103,7 +103,7 @@ const std::vector<std::string>& DepthFileExtensions();
 //
 // Throws std::runtime_error naming the file if it cannot be read, is damaged,
 // larger than kMaxDepthMapSize, of the wrong shape (then with both sizes), or
-// knows the depth of no pixel.
+// has no pixel with known depth.
 ImportedDepth ReadDepth(const DepthFile& file,
                         const colmap::Camera& camera,
                         const DepthReadOptions& options);

@@ -10,7 +10,7 @@
 
 namespace dgsfm::internal {
 
-// All that files say of an image, in the frame of the depth model's input.
+// All that files hold about an image, in the frame of the depth model's input.
 struct RawDepth {
   DepthGrid depth;
   std::optional<DepthGrid> mask;
@@ -25,8 +25,8 @@ std::string FormatSize(size_t width, size_t height);
 // Throws std::runtime_error with the reason.
 RawDepth ReadRawDepth(const DepthFile& file);
 
-// Makes depth 0 where mask, confidence and uncertainty say so. Throws if they
-// have another size than depth.
+// Makes depth 0 where mask, confidence or uncertainty exclude it. Throws if
+// they have another size than depth.
 void ApplyConfidence(const DepthReadOptions& options, RawDepth* raw);
 
 // The map of the image as stored from that of the image as displayed.

@@ -1,6 +1,6 @@
-// The file formats that hold depth, as plain grids of numbers. Callers want
-// depth_map_io.h, which knows what the numbers mean and names the file in
-// errors.
+// The file formats that hold depth, as plain grids of numbers. depth_map_io.h
+// is the interface for callers: it interprets the numbers and names the file
+// in errors.
 //
 // Readers throw std::runtime_error with the reason if the content is damaged or
 // not supported. They allocate no more than a few times kMaxDepthMapSize^2
@@ -81,7 +81,7 @@ DepthGrid ParseDenseBin(const std::vector<uint8_t>& bytes);
 DepthGrid ParseExr(const std::vector<uint8_t>& bytes);
 
 // The first page of a TIFF, strips or tiles, any compression that libtiff
-// knows: one sample per pixel, floats of 2, 4 or 8 bytes or integers without
+// reads: one sample per pixel, floats of 2, 4 or 8 bytes or integers without
 // sign of 1, 2 or 4.
 DepthGrid ParseTiff(const std::vector<uint8_t>& bytes);
 

@@ -164,7 +164,7 @@ class Hdf5File::Reader {
  public:
   Reader(const std::string& path, int max_seconds) {
     // Otherwise a child of another thread could keep this child's end open,
-    // whose closing tells of a crash.
+    // whose closing reports a crash.
     static std::mutex mutex;
     const std::lock_guard<std::mutex> lock(mutex);
     int sockets[2];

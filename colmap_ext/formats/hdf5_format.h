@@ -1,6 +1,6 @@
 // HDF5 files that hold arrays in groups: depth maps (a group per image) and
-// correspondences (a group per pair). Without libhdf5 at build time every call
-// throws and says so.
+// correspondences (a group per pair). Built without libhdf5, every call throws
+// an error that names the missing library.
 
 #pragma once
 

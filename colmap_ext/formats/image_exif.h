@@ -1,4 +1,4 @@
-// What the EXIF data of a photo say about its camera.
+// Camera, lens and focal length from the EXIF data of a photo.
 
 #pragma once
 

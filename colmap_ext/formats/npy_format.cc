@@ -203,7 +203,7 @@ const ElementType& FindElementType(const std::string& name) {
 
 std::string FormatShape(const std::vector<uint64_t>& shape) {
   std::string text;
-  // Sizes of images are told as width x height.
+  // Error messages give sizes as width x height.
   for (auto size = shape.rbegin(); size != shape.rend(); ++size) {
     text += (text.empty() ? "" : " x ") + std::to_string(*size);
   }

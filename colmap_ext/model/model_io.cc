@@ -220,7 +220,7 @@ ModelImage* AddImage(File& file,
 template <typename File>
 colmap::Camera ReadCamera(File& file, colmap::camera_t id, int model_id) {
   if (!colmap::ExistsCameraModelWithId(model_id)) {
-    file.Fail("has a camera model that COLMAP 3.8 does not know");
+    file.Fail("has a camera model that COLMAP 3.8 lacks");
   }
   colmap::Camera camera;
   camera.SetCameraId(id);

@@ -1,7 +1,7 @@
 // Sparse models on disk, text or binary, as COLMAP 3.8 to 4.2 write them.
 //
 // Beside colmap::Reconstruction::Read because that aborts on a file that is
-// missing or broken, needs all files, and knows no camera model later than
+// missing or broken, needs all files, and refuses camera models later than
 // 3.8. These functions read one file of a model folder each (the binary one if
 // there are both), check every number, and throw std::runtime_error naming
 // file and line or byte. rigs.* and frames.* of COLMAP 4 add nothing: images.*

@@ -59,7 +59,7 @@ bool IsExecutable(const std::string& path) {
   return fs::is_regular_file(path, error) && access(path.c_str(), X_OK) == 0;
 }
 
-// Whoever runs next knows this program and `colmap` as tried.
+// The next program to run finds this one and `colmap` listed as tried.
 void MarkVisited(const std::string& colmap) {
   std::string paths;
   for (const std::string& path : Visited()) paths += path + ":";

@@ -1,6 +1,6 @@
 // Graph algorithms on integer nodes 0..N-1, deterministic in the order of the
 // given edges. Nodes out of range throw; parallel edges and self-loops are
-// allowed except where said otherwise.
+// allowed except where noted.
 
 #pragma once
 

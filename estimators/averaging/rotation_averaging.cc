@@ -78,8 +78,8 @@ std::vector<Eigen::Quaterniond> ChainAlongTree(
   return rotations;
 }
 
-// What an edge counts in the L1 phase: one that closes no triangle is either
-// false or has too few neighbours to tell.
+// Weight of an edge in the L1 phase: an edge that closes no triangle is either
+// false or has too few neighbours to be tested.
 Eigen::VectorXd TrustOf(const std::vector<double>& num_closing_triangles) {
   constexpr double kMaxNumTriangles = 3;
   constexpr double kMinTrust = 0.1;

@@ -33,7 +33,7 @@ struct RelativeRotation {
 // choice of the world frame. Returns false, rotations unchanged, if the graph
 // is not connected or the linear solver fails. Throws on self-loops, nodes out
 // of range, standard deviations that are not finite and positive and rotations
-// that are no unit quaternions. Deterministic.
+// that are not unit quaternions. Deterministic.
 [[nodiscard]] bool AverageRotations(
     int num_nodes,
     const std::vector<RelativeRotation>& relative_rotations,

@@ -29,7 +29,7 @@ std::vector<double> TranslationErrors(
 
 // Centres of all nodes of a connected graph, gauge: zero at fixed_node; the
 // length of the translations fixes the scale. A translation that contradicts
-// the loops it is part of has no say. See AverageDifferences for loss, failure
+// its loops has no influence. See AverageDifferences for loss, failure
 // and contract.
 [[nodiscard]] bool AverageTranslations(
     int num_nodes,

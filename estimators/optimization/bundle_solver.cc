@@ -189,8 +189,8 @@ class BundleProblem
            bundle_->images[Observation(k).image].depth_weight_px > 0;
   }
 
-  // In standard deviations. Points behind the camera count by their distance:
-  // their reprojection errors tell.
+  // In standard deviations. The depth of a point behind the camera counts by
+  // its absolute value: the reprojection error already penalises the point.
   double DepthError(int k, double z) const {
     const BundleImage& image = bundle_->images[Observation(k).image];
     return (std::log(std::abs(z) / Observation(k).prior_depth) -

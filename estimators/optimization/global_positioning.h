@@ -72,8 +72,8 @@ struct GlobalPositioningSummary {
 // Cameras and points without observations stay where they are.
 //
 // Not successful, centres and points unchanged, without observations or if the
-// start is not finite; running out of iterations is no failure. Throws on
-// indices out of range, rays that are no unit vectors and weights that are not
+// start is not finite; running out of iterations is not a failure. Throws on
+// indices out of range, rays that are not unit vectors and weights that are not
 // finite and positive.
 //
 // The same for any number of threads, if scales are eliminated.

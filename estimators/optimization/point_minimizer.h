@@ -110,7 +110,7 @@ class PointMinimizer {
       const double gain = (cost - new_cost) / decrease;
       if (!(gain > kMinGain)) {
         problem_->Undo();
-        // Too small to tell from rounding.
+        // Not larger than rounding.
         summary.converged = decrease < kRoundingShare * cost;
         if (summary.converged) break;
         Reject();

@@ -41,7 +41,7 @@ struct BundleAdjustmentOptions {
 struct DepthPriors {
   const KeypointDepthMap* depths = nullptr;
   // Standard deviation of the logarithm of an image's depths about their
-  // median [1]; images without one have no say.
+  // median [1]; the depth of images without one is not used.
   std::map<colmap::image_t, double> stddevs;
 
   bool Has(colmap::image_t image_id) const {

@@ -145,8 +145,8 @@ void FinishModel(const MappingContext& context,
   timer.Finish(&log->stages);
 }
 
-// Gives the cameras of the model the ids that they are written with, and says
-// what became of each.
+// Gives the cameras of the model the ids that they are written with, and fills
+// in the result of each.
 void FinishCameras(const MappingContext& context,
                    ModelInProgress* progress,
                    ComponentResult* result) {

@@ -17,8 +17,8 @@ namespace {
 
 // Points below which the depth scale of an image is not measured.
 constexpr size_t kMinNumDepthsPerImage = 10;
-// Spread of log scales beyond which maps are no measure. Sound ones, of
-// sensors and networks, have 0.01 to 0.3, maps of other images more.
+// Spread of log scales beyond which maps give no unit. Sound maps of sensors
+// and networks have 0.01 to 0.3, maps of other images more.
 constexpr double kMaxLogScaleSpread = 0.35;
 
 }  // namespace

@@ -36,7 +36,7 @@ Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
       .normalized();
 }
 
-// Where the depth map knows the distance.
+// Does nothing where the depth is unknown.
 void SetLogDistance(double distance,
                     double log_stddev,
                     PositioningObservation* observation) {
@@ -149,8 +149,8 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
   return consistent;
 }
 
-// What epipolar lines cannot bring back: look-alikes, of which an imported
-// score knows, or which are displaced along the baseline.
+// Agreement with epipolar lines does not bring back look-alikes that an
+// imported score excluded or that are displaced along the baseline.
 bool StaysOut(PairStatus status) {
   return status == PairStatus::LOW_PAIR_SCORE ||
          status == PairStatus::TRANSLATION_OUTLIER;

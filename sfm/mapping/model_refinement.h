@@ -80,8 +80,8 @@ size_t FilterObservations(const ModelRefinementOptions& options,
 
 // Matches of the scene that agree with the poses of a model: those within
 // max_epipolar_error_px of the epipolar lines, of the pairs that keep
-// min_num_inliers and min_inlier_ratio of theirs. Once there are poses, they
-// judge better than what a pair alone, its depth or its triplets said; pairs
+// min_num_inliers and min_inlier_ratio of theirs. The poses of a model
+// are better evidence than a pair alone, its depth or its triplets; pairs
 // removed by an imported score or by their translation stay out.
 void BuildCorrespondenceGraph(const Scene& scene,
                               const PairGeometries& pairs,

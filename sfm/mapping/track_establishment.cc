@@ -10,8 +10,8 @@ namespace dgsfm {
 
 namespace {
 
-// Union-find over the features that occur in matches. Each set knows its
-// features by image, so that a union with two features of one image is seen.
+// Union-find over the features that occur in matches. Each set lists its
+// features by image, so that a union with two features of one image is refused.
 class FeatureSets {
  public:
   struct Feature {

@@ -1,4 +1,4 @@
-// Image points without distortion, for estimators that know no camera models.
+// Image points without distortion, for estimators without camera models.
 
 #pragma once
 

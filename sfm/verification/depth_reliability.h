@@ -11,11 +11,11 @@
 namespace dgsfm {
 
 // Images whose depth maps more pairs contradict than confirm, in increasing
-// order. Against a map speak pairs that the epipolar geometry supports and the
-// depth test rejects (DEPTH_INCONSISTENT), if there are at least two of them:
-// one may just be false. For it speak valid pairs whose scale ratio it fixes
-// well. Maps are judged one after the other, the worst first, and pairs of a
-// map that is out no longer speak against the other one.
+// order. A map is contradicted by pairs that the epipolar geometry supports and
+// the depth test rejects (DEPTH_INCONSISTENT), at least two of them, since one
+// may be false. It is confirmed by valid pairs with a well-determined scale
+// ratio. The worst map is taken out first, and its pairs then no longer count
+// against the maps of the other images.
 std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs);
 
 }  // namespace dgsfm

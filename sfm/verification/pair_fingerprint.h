@@ -1,4 +1,4 @@
-// A number by which to tell whether a stored pair geometry still holds.
+// A number that shows whether a stored pair geometry still holds.
 
 #pragma once
 

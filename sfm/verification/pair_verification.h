@@ -23,8 +23,8 @@ struct PairVerificationOptions {
   // Whether matches that contradict the depth maps are removed.
   bool filter_depth = true;
   // The depth error that a match may show is at least this many standard
-  // deviations of the pair's own depth noise: maps that are bad everywhere say
-  // nothing about single matches. 0 = fixed thresholds, as in the paper.
+  // deviations of the pair's own depth noise: maps that are bad everywhere are
+  // no evidence against single matches. 0 = fixed thresholds, as in the paper.
   double depth_noise_factor = 3.0;
   // A pair needs this many matches that agree with its pose, and this share of
   // its matches (paper: 15 and 0.25) [1].

@@ -33,7 +33,7 @@ std::vector<StaticKeypoints> FindStaticKeypoints(const Scene& scene,
 std::map<colmap::image_pair_t, colmap::FeatureMatches> MatchesThatMove(
     const Scene& scene, const StaticKeypoints& keypoints);
 
-// Valid pairs whose translation the matches tell.
+// Number of valid pairs whose translation the matches determine.
 size_t CountMovingPairs(const PairGeometries& pairs);
 
 }  // namespace dgsfm

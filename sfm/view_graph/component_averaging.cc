@@ -72,7 +72,7 @@ std::optional<RotationAverage> AverageRotationsKeeping(
   return average;
 }
 
-// What speaks against an average: outliers that had evidence, and matches that
+// Evidence against an average: outliers that had evidence, and matches that
 // the other pairs miss [nat].
 double CostOf(const RotationAverage& average,
               const std::vector<IndexedPair>& valid_pairs,

@@ -20,8 +20,8 @@ constexpr int kGridSize = 4;
 constexpr int kMinNumFeatures = 8;
 // Share of features that are matched by accident where nothing is the same.
 constexpr double kAccidentalShare = 0.02;
-// What it costs to declare a part different, and the most that one part may
-// say against a pair: something may stand in the way [nat].
+// Cost of declaring a part different, and the largest evidence of one part
+// against a pair, as something may occlude it [nat].
 constexpr double kPartCost = 4.0;
 constexpr double kMaxPartEvidence = 8.0;
 

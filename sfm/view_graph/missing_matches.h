@@ -32,8 +32,9 @@ class MissingMatches {
                  const KeypointDepthMap& depths,
                  const PairGeometries& pairs);
 
-  // How much better parts without any matches explain a valid pair than chance
-  // does [nat], >= 0. Pairs without depth and scale say nothing (0).
+  // Log-likelihood ratio [nat] of "the images show different places" to "the
+  // parts without matches are accidental", at least 0; 0 for pairs without
+  // depth and scale.
   double EvidenceAgainst(colmap::image_pair_t pair_id) const;
 
  private:
