@@ -4,7 +4,6 @@
 #pragma once
 
 #include "sfm/intrinsics/camera_calibration.h"
-#include "sfm/intrinsics/camera_groups.h"
 #include "sfm/mapping/model_refinement.h"
 #include "sfm/mapping/position_initialization.h"
 #include "sfm/mapping/track_establishment.h"
@@ -21,7 +20,6 @@ struct DepthGlobalMapperOptions {
   TrackOptions tracks;
   PositionInitializationOptions position_initialization;
   ModelRefinementOptions refinement;
-  CameraGroupingOptions camera_grouping;
 
   // Components and models with fewer images are left out.
   int min_model_size = 3;

@@ -1,7 +1,7 @@
 #include "estimators/averaging/focal_averaging.h"
 
 #include "colmap_ext/check.h"
-#include "estimators/intrinsics/kruppa_cost.h"
+#include "estimators/averaging/kruppa_cost.h"
 #include "estimators/option_check.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #include "estimators/averaging/focal_averaging.h"
 
-#include "estimators/intrinsics/kruppa_cost.h"
+#include "estimators/averaging/kruppa_cost.h"
 
 #include <algorithm>
 #include <cmath>
