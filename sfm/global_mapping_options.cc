@@ -5,9 +5,8 @@
 namespace dgsfm {
 
 bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
-  if (!view_graph.IsValid(error) || !view_graph_calibration.IsValid(error) ||
-      !averaging.IsValid(error) || !tracks.IsValid(error) ||
-      !refinement.IsValid(error)) {
+  if (!view_graph.IsValid(error) || !averaging.IsValid(error) ||
+      !tracks.IsValid(error) || !refinement.IsValid(error)) {
     return false;
   }
   return CheckOption(min_model_size >= 2,

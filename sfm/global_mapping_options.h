@@ -15,7 +15,6 @@ namespace dgsfm {
 
 struct DepthGlobalMapperOptions {
   ViewGraphFilterOptions view_graph;
-  ViewGraphCalibrationOptions view_graph_calibration;
   ComponentAveragingOptions averaging;
   TrackOptions tracks;
   PositionInitializationOptions position_initialization;
