@@ -128,11 +128,10 @@ bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
              intrinsics_prior + "'";
     return false;
   }
-  return verification.IsValid(error) &&
-         CheckOption(checkpoint_interval_s >= 0,
-                     "checkpoint_interval_s must be >= 0",
-                     checkpoint_interval_s,
-                     error);
+  return OptionBounds(error)
+      .Valid(verification)
+      .AtLeast("checkpoint_interval_s", checkpoint_interval_s, 0)
+      .AreKept();
 }
 
 std::string VerificationText(PairVerificationOptions options) {

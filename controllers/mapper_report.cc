@@ -60,7 +60,6 @@ Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
       entry["posterior"] = Numbers(intrinsics.params);
       entry["posterior_stddevs"] = Numbers(intrinsics.stddevs);
       entry["group"] = intrinsics.group;
-      entry["group_stddevs"] = Numbers(intrinsics.group_stddevs);
     }
     entries.push_back(entry);
   }

@@ -66,17 +66,4 @@ class OptionBounds {
   bool are_kept_ = true;
 };
 
-// As OptionBounds for other conditions; `requirement` names field and bound.
-inline bool CheckOption(bool valid,
-                        const char* requirement,
-                        double value,
-                        std::string* error) {
-  if (!valid) {
-    std::ostringstream message;
-    message << requirement << ", but is " << value;
-    *error = message.str();
-  }
-  return valid;
-}
-
 }  // namespace dgsfm

@@ -7,11 +7,9 @@ namespace dgsfm {
 bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .Valid(view_graph)
-      .Valid(view_graph_calibration)
       .Valid(averaging)
       .Valid(tracks)
       .Valid(refinement)
-      .Valid(camera_grouping)
       .AtLeast("min_model_size", min_model_size, 2)
       .AreKept();
 }

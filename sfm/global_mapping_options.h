@@ -4,7 +4,6 @@
 #pragma once
 
 #include "sfm/intrinsics/camera_calibration.h"
-#include "sfm/intrinsics/camera_groups.h"
 #include "sfm/mapping/model_refinement.h"
 #include "sfm/mapping/position_initialization.h"
 #include "sfm/mapping/track_establishment.h"
@@ -16,12 +15,10 @@ namespace dgsfm {
 
 struct DepthGlobalMapperOptions {
   ViewGraphFilterOptions view_graph;
-  ViewGraphCalibrationOptions view_graph_calibration;
   ComponentAveragingOptions averaging;
   TrackOptions tracks;
   PositionInitializationOptions position_initialization;
   ModelRefinementOptions refinement;
-  CameraGroupingOptions camera_grouping;
 
   // Components and models with fewer images are left out.
   int min_model_size = 3;

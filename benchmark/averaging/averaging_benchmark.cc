@@ -132,12 +132,12 @@ std::vector<double> TranslationErrors(
 std::vector<double> FocalErrors(const AveragingGraph& graph) {
   std::mt19937 random(2);
   std::normal_distribution<double> normal;
-  std::vector<std::vector<FocalEstimate>> estimates(graph.rotations.size());
+  std::vector<std::vector<double>> estimates(graph.rotations.size());
   for (size_t e = 0; e < graph.ratios.size(); ++e) {
     for (const int node : {graph.ratios[e].node1, graph.ratios[e].node2}) {
       const double log_error =
           (graph.is_false[e] ? 0.7 : 0.05) * normal(random);
-      estimates[node].push_back({1000 * std::exp(log_error), 1});
+      estimates[node].push_back(1000 * std::exp(log_error));
     }
   }
   std::vector<double> errors;

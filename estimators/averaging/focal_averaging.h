@@ -13,22 +13,15 @@
 
 namespace dgsfm {
 
-struct FocalEstimate {
-  double focal_length_px = 0;
-  // As many times does the estimate count [1], > 0.
-  double weight = 1;
-};
-
-// Weighted median of the logarithms and its weighted median absolute
-// deviation; nothing if there are no estimates. Throws on estimates and weights
-// that are not finite and positive.
+// Median of the logarithms of focal lengths [px] and their spread; nothing if
+// there are none. Throws on values that are not finite and positive.
 struct AveragedFocal {
   double focal_length_px = 0;
-  // 1.4826 x weighted MAD of log focal lengths [1].
+  // 1.4826 x MAD of log focal lengths [1].
   double log_spread = 0;
 };
 std::optional<AveragedFocal> AverageFocals(
-    const std::vector<FocalEstimate>& estimates);
+    const std::vector<double>& focal_lengths_px);
 
 // Fundamental matrix of a pair of cameras: x2^T F x1 = 0 for points in pixels
 // relative to the principal points.
@@ -37,8 +30,6 @@ struct PairFundamental {
   int camera1 = 0;
   int camera2 = 0;
   Eigen::Matrix3d F = Eigen::Matrix3d::Zero();
-  // Weight of the squared residual [1], > 0.
-  double weight = 1;
 };
 
 struct ViewGraphCalibrationOptions {
@@ -76,7 +67,7 @@ struct ViewGraphCalibrationOptions {
 // Cameras with known[i] keep focal_lengths_px[i]; others start there and
 // return to it if the estimate is rejected. Returns per camera whether it was
 // estimated: none if the solver fails. Throws on indices out of range, focal
-// lengths and weights that are not finite and positive, and on F that is zero
+// lengths that are not finite and positive, and on F that is zero
 // or not finite. Deterministic.
 std::vector<char> CalibrateViewGraph(const std::vector<PairFundamental>& pairs,
                                      const std::vector<char>& known,

@@ -2,7 +2,6 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/median.h"
-#include "estimators/option_check.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,83 +10,54 @@ namespace dgsfm {
 
 namespace {
 
-// Standard deviation of a normal distribution over its median absolute
-// deviation.
-constexpr double kStddevOfMad = 1.4826;
 // Variance of the median of normal values over that of their mean.
 constexpr double kMedianVariance = 1.5708;
-
-// What estimates of one camera cannot say about their own spread the others'
-// does.
-std::vector<double> VariancesOf(
-    const std::vector<CameraFocalEstimate>& estimates) {
-  std::vector<double> spreads;
-  for (const CameraFocalEstimate& estimate : estimates) {
-    spreads.push_back(estimate.log_spread);
-  }
-  const double min_spread = Median(spreads);
-  std::vector<double> variances;
-  for (const CameraFocalEstimate& estimate : estimates) {
-    const double spread = std::max(estimate.log_spread, min_spread);
-    variances.push_back(kMedianVariance * spread * spread /
-                        estimate.num_estimates);
-  }
-  return variances;
-}
+// Cameras with estimates that a population needs.
+constexpr size_t kMinNumCameras = 4;
+// Smallest spread of log focal lengths over a population [1].
+constexpr double kMinLogStddev = 0.005;
 
 }  // namespace
 
-bool FocalPopulationOptions::IsValid(std::string* error) const {
-  return CheckOption(min_num_cameras >= 2,
-                     "min_num_cameras must be >= 2",
-                     min_num_cameras,
-                     error) &&
-         CheckOption(min_log_stddev > 0,
-                     "min_log_stddev must be > 0",
-                     min_log_stddev,
-                     error);
-}
-
-std::vector<FocalPosterior> ShrinkFocals(
-    const FocalPopulationOptions& options,
+std::vector<double> ShrinkLogFocals(
     const std::vector<CameraFocalEstimate>& estimates) {
-  std::string error;
-  DGSFM_CHECK(options.IsValid(&error)) << error;
-  std::vector<CameraFocalEstimate> known;
-  std::vector<double> values;
+  std::vector<double> values, spreads;
   for (const CameraFocalEstimate& estimate : estimates) {
     if (estimate.num_estimates == 0) continue;
     DGSFM_CHECK(std::isfinite(estimate.log_focal_length) &&
                 std::isfinite(estimate.log_spread) && estimate.log_spread >= 0);
-    known.push_back(estimate);
     values.push_back(estimate.log_focal_length);
+    spreads.push_back(estimate.log_spread);
   }
-  if (known.size() < size_t(options.min_num_cameras)) return {};
+  if (values.size() < kMinNumCameras) return {};
 
-  const double mean = Median(values);
-  std::vector<double> deviations;
-  for (const double value : values)
-    deviations.push_back(std::abs(value - mean));
-  const double spread = kStddevOfMad * Median(deviations);
-  std::vector<double> variances = VariancesOf(known);
+  const double median = Median(values);
+  const double population_spread = RobustStddev(values, median);
+  // The spread of few estimates may be small by chance.
+  const double min_spread = Median(spreads);
+  const auto variance_of = [&](const CameraFocalEstimate& estimate) {
+    const double spread = std::max(estimate.log_spread, min_spread);
+    return kMedianVariance * spread * spread / estimate.num_estimates;
+  };
+  std::vector<double> variances;
+  for (const CameraFocalEstimate& estimate : estimates) {
+    if (estimate.num_estimates > 0) variances.push_back(variance_of(estimate));
+  }
   const double population_variance =
-      std::max(spread * spread - Median(variances),
-               options.min_log_stddev * options.min_log_stddev);
+      std::max(population_spread * population_spread - Median(variances),
+               kMinLogStddev * kMinLogStddev);
 
-  std::vector<FocalPosterior> posteriors;
-  auto variance = variances.begin();
+  std::vector<double> shrunk;
   for (const CameraFocalEstimate& estimate : estimates) {
     if (estimate.num_estimates == 0) {
-      posteriors.push_back({mean, std::sqrt(population_variance)});
+      shrunk.push_back(median);
       continue;
     }
     const double share =
-        population_variance / (population_variance + *variance);
-    posteriors.push_back({mean + share * (estimate.log_focal_length - mean),
-                          std::sqrt(share * *variance)});
-    ++variance;
+        population_variance / (population_variance + variance_of(estimate));
+    shrunk.push_back(median + share * (estimate.log_focal_length - median));
   }
-  return posteriors;
+  return shrunk;
 }
 
 }  // namespace dgsfm

@@ -1,8 +1,7 @@
-// Focal lengths of cameras of one kind, which tell about each other.
+// Focal lengths of cameras of one kind, drawn towards each other.
 
 #pragma once
 
-#include <string>
 #include <vector>
 
 namespace dgsfm {
@@ -16,31 +15,16 @@ struct CameraFocalEstimate {
   int num_estimates = 0;
 };
 
-struct FocalPosterior {
-  double log_focal_length = 0;
-  double log_stddev = 0;
-};
-
-struct FocalPopulationOptions {
-  // Cameras with estimates that a population needs.
-  int min_num_cameras = 4;
-  // Smallest spread of log focal lengths over a population [1].
-  double min_log_stddev = 0.005;
-
-  bool IsValid(std::string* error) const;
-};
-
 // Draws each camera's log focal length x_i towards the median m of all, the
 // more, the less the cameras differ (empirical Bayes, Efron and Morris 1975):
 //   (x_i / v_i + m / t^2) / (1 / v_i + 1 / t^2).
 // v_i is the variance of x_i, a median of num_estimates whose spread is at
 // least the median one of all cameras; t^2 what the robust variance of the x_i
-// (1.4826 x MAD) exceeds the median of the v_i by. Cameras without estimates
-// get m. Where cameras are one and the same, t is small and all get m; where
-// they differ, they keep what they have. Empty if fewer than min_num_cameras
-// have estimates. Throws on values that are not finite. Deterministic.
-std::vector<FocalPosterior> ShrinkFocals(
-    const FocalPopulationOptions& options,
+// exceeds the median of the v_i by. Cameras without estimates get m. Where
+// cameras are one and the same, t is small and all get m; where they differ,
+// they keep what they have. Empty if fewer than four have estimates. Throws on
+// values that are not finite. Deterministic.
+std::vector<double> ShrinkLogFocals(
     const std::vector<CameraFocalEstimate>& estimates);
 
 }  // namespace dgsfm

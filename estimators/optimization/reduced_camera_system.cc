@@ -101,16 +101,6 @@ void ReducedCameraSystem::AddPrior(int param, double stddev, double deviation) {
   gradient_(param) += deviation / (stddev * stddev);
 }
 
-void ReducedCameraSystem::AddTie(int param1,
-                                 int param2,
-                                 double stddev,
-                                 double difference) {
-  AddPrior(param1, stddev, difference);
-  AddPrior(param2, stddev, -difference);
-  information_(param1, param2) -= 1 / (stddev * stddev);
-  information_(param2, param1) -= 1 / (stddev * stddev);
-}
-
 std::optional<ReducedCameraSystem::Marginal> ReducedCameraSystem::MarginalOf(
     const std::vector<int>& params) const {
   // Scaled to a unit diagonal: parameters have different units.

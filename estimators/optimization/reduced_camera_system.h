@@ -42,10 +42,6 @@ class ReducedCameraSystem {
   // unless stddev > 0.
   void AddPrior(int param, double stddev, double deviation = 0);
 
-  // Normal prior of the difference of two parameters, which is `difference`
-  // now, about zero. Throws unless stddev > 0.
-  void AddTie(int param1, int param2, double stddev, double difference = 0);
-
   const Eigen::MatrixXd& Information() const { return information_; }
 
   // Marginal of some parameters, all others being unknown: Gauss-Newton step to

@@ -18,7 +18,7 @@ void SetFocalLength(double focal_length_px, colmap::Camera* camera) {
   }
 }
 
-using FocalEstimates = std::map<colmap::camera_t, std::vector<FocalEstimate>>;
+using FocalEstimates = std::map<colmap::camera_t, std::vector<double>>;
 
 // Where nearly all pairs of a camera leave its focal length open, what the
 // others estimate are chance results.
@@ -31,8 +31,7 @@ FocalEstimates EstimatesOfPairs(const PairGeometries& pairs,
       [&](colmap::image_t image_id, bool is_estimated, double focal_length_px) {
         const colmap::camera_t camera_id = scene.images.at(image_id).CameraId();
         ++num_pairs[camera_id];
-        if (is_estimated)
-          estimates[camera_id].push_back({focal_length_px, 1.0});
+        if (is_estimated) estimates[camera_id].push_back(focal_length_px);
       };
   for (const auto& [pair_id, pair] : pairs) {
     if (pair.status != PairStatus::VALID) continue;
@@ -49,19 +48,8 @@ FocalEstimates EstimatesOfPairs(const PairGeometries& pairs,
   return estimates;
 }
 
-FocalEstimates EstimatesOfDepthModel(const KeypointDepthMap& depths,
-                                     const Scene& scene) {
-  FocalEstimates estimates;
-  for (const auto& [image_id, depth] : depths) {
-    if (depth.focal_length_px == 0) continue;
-    estimates[scene.images.at(image_id).CameraId()].push_back(
-        {depth.focal_length_px, 1.0});
-  }
-  return estimates;
-}
-
 // False if there are no estimates.
-bool SetAverage(const std::vector<FocalEstimate>& estimates,
+bool SetAverage(const std::vector<double>& estimates,
                 CameraFocal* focal,
                 colmap::Camera* camera) {
   const auto averaged = AverageFocals(estimates);
@@ -72,17 +60,15 @@ bool SetAverage(const std::vector<FocalEstimate>& estimates,
   return true;
 }
 
-// Cameras that may be the same learn from each other.
+// Cameras that may be the same are averaged with each other.
 void ShrinkToPopulations(Scene* scene,
                          std::map<colmap::camera_t, CameraFocal>* focals) {
-  const std::map<colmap::camera_t, int> kinds =
-      CameraKinds(GivenBeliefs(*scene));
   std::map<int, std::vector<colmap::camera_t>> populations;
-  for (const auto& [camera_id, focal] : *focals) {
-    if (focal.source == FocalSource::PRIOR) continue;
-    populations[kinds.at(camera_id)].push_back(camera_id);
+  for (const auto& [camera_id, kind] : CameraKinds(GivenBeliefs(*scene))) {
+    if (focals->at(camera_id).source == FocalSource::PRIOR) continue;
+    populations[kind].push_back(camera_id);
   }
-  for (const auto& [population, camera_ids] : populations) {
+  for (const auto& [kind, camera_ids] : populations) {
     std::vector<CameraFocalEstimate> estimates;
     for (const colmap::camera_t camera_id : camera_ids) {
       const CameraFocal& focal = focals->at(camera_id);
@@ -91,15 +77,15 @@ void ShrinkToPopulations(Scene* scene,
            focal.log_spread,
            focal.source == FocalSource::PAIRS ? int(focal.num_estimates) : 0});
     }
-    const std::vector<FocalPosterior> posteriors = ShrinkFocals({}, estimates);
-    for (size_t i = 0; i < posteriors.size(); ++i) {
+    const std::vector<double> shrunk = ShrinkLogFocals(estimates);
+    for (size_t i = 0; i < shrunk.size(); ++i) {
       CameraFocal& focal = focals->at(camera_ids[i]);
       if (focal.source == FocalSource::DEFAULT) {
         focal.source = FocalSource::SIMILAR_CAMERAS;
       } else if (focal.source != FocalSource::PAIRS) {
         continue;
       }
-      focal.focal_length_px = std::exp(posteriors[i].log_focal_length);
+      focal.focal_length_px = std::exp(shrunk[i]);
       SetFocalLength(focal.focal_length_px, &scene->cameras.at(camera_ids[i]));
     }
   }
@@ -148,7 +134,6 @@ Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
 
 void CalibrateFromFundamentals(
     const PairGeometries& pairs,
-    const ViewGraphCalibrationOptions& options,
     Scene* scene,
     std::map<colmap::camera_t, CameraFocal>* focals) {
   std::vector<colmap::camera_t> camera_ids;
@@ -185,7 +170,7 @@ void CalibrateFromFundamentals(
   }
   if (fundamentals.empty()) return;
   const std::vector<char> estimated =
-      CalibrateViewGraph(fundamentals, known, options, &focal_lengths_px);
+      CalibrateViewGraph(fundamentals, known, {}, &focal_lengths_px);
   for (size_t i = 0; i < camera_ids.size(); ++i) {
     if (known[i] || !estimated[i]) continue;
     (*focals)[camera_ids[i]] = {FocalSource::VIEW_GRAPH, focal_lengths_px[i]};
@@ -207,8 +192,6 @@ std::string FocalSourceName(FocalSource source) {
       return "exif";
     case FocalSource::SIMILAR_CAMERAS:
       return "similar_cameras";
-    case FocalSource::DEPTH_MODEL:
-      return "depth_model";
     case FocalSource::DEFAULT:
       return "default";
   }
@@ -216,22 +199,15 @@ std::string FocalSourceName(FocalSource source) {
 }
 
 std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
-    const PairGeometries& pairs,
-    const KeypointDepthMap& depths,
-    const ViewGraphCalibrationOptions& options,
-    bool relate_cameras,
-    Scene* scene) {
-  FocalEstimates pair_estimates = EstimatesOfPairs(pairs, *scene);
-  FocalEstimates depth_estimates = EstimatesOfDepthModel(depths, *scene);
+    const PairGeometries& pairs, bool relate_cameras, Scene* scene) {
+  FocalEstimates estimates = EstimatesOfPairs(pairs, *scene);
   std::map<colmap::camera_t, CameraFocal> focals;
   for (auto& [camera_id, camera] : scene->cameras) {
     CameraFocal& focal = focals[camera_id];
     if (camera.HasPriorFocalLength()) {
       focal.source = FocalSource::PRIOR;
-    } else if (SetAverage(pair_estimates[camera_id], &focal, &camera)) {
+    } else if (SetAverage(estimates[camera_id], &focal, &camera)) {
       focal.source = FocalSource::PAIRS;
-    } else if (SetAverage(depth_estimates[camera_id], &focal, &camera)) {
-      focal.source = FocalSource::DEPTH_MODEL;
     }
     const FocalPrior exif = FocalPriorOf(*scene, camera_id);
     if (focal.source != FocalSource::PRIOR && exif.Exists()) {
@@ -240,7 +216,7 @@ std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
     focal.focal_length_px = camera.MeanFocalLength();
   }
   if (relate_cameras) ShrinkToPopulations(scene, &focals);
-  CalibrateFromFundamentals(pairs, options, scene, &focals);
+  CalibrateFromFundamentals(pairs, scene, &focals);
   return focals;
 }
 

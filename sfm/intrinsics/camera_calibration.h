@@ -15,8 +15,7 @@ enum class FocalSource {
   PAIRS,            // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
   EXIF,             // as the camera wrote it into the image
   VIEW_GRAPH,       // from fundamental matrices, no depth
-  SIMILAR_CAMERAS,  // median of cameras of the same model and image size
-  DEPTH_MODEL,      // as the depth model saw it, for want of other evidence
+  SIMILAR_CAMERAS,  // median of cameras of the same kind
   DEFAULT,          // no evidence: the value in the database
 };
 
@@ -32,17 +31,11 @@ struct CameraFocal {
 
 // Sets the focal length of every camera without a prior focal length from the
 // valid pairs: the median over all images of the camera, averaged with EXIF's
-// where the two agree; without estimates that of EXIF; where the pairs have
-// no estimate, by calibrating the view graph from their fundamental matrices,
-// from the median of what the depth model saw in the images as start; where
-// that fails, the start.
-// With relate_cameras, estimates of cameras of one model and image size are
-// drawn towards each other first, see ShrinkFocals.
+// where the two agree; without estimates that of EXIF; where there is none
+// either, by calibrating the view graph from the pairs' fundamental matrices;
+// where that fails, the value stays. With relate_cameras, estimates of cameras
+// of one kind are drawn towards each other first, see ShrinkLogFocals.
 std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
-    const PairGeometries& pairs,
-    const KeypointDepthMap& depths,
-    const ViewGraphCalibrationOptions& options,
-    bool relate_cameras,
-    Scene* scene);
+    const PairGeometries& pairs, bool relate_cameras, Scene* scene);
 
 }  // namespace dgsfm

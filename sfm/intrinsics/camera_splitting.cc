@@ -152,9 +152,7 @@ std::map<colmap::camera_t, colmap::camera_t> JoinedCameraIds(
   };
   const auto group_of = [&](colmap::camera_t camera_id) {
     for (const CameraGroup& group : groups) {
-      if (group.IsRigid() && group.Contains(camera_id)) {
-        return group.camera_ids.front();
-      }
+      if (group.Contains(camera_id)) return group.camera_ids.front();
     }
     return camera_id;
   };

@@ -36,7 +36,7 @@ void SplitCameras(const std::set<colmap::camera_t>& camera_ids,
 // Gives cameras that were made of an entry the beliefs about that.
 void AddSplitCameras(const CameraOrigins& origins, CameraBeliefs* beliefs);
 
-// Takes images out of the rigid groups of their cameras, which are cameras of
+// Takes images out of the groups of their cameras, which are cameras of
 // single images if `origins` has them. Groups that would lose more than a
 // quarter of their images come to an end.
 //
@@ -50,7 +50,7 @@ void UntieImages(const ImageCameras& cameras,
 void UseCameras(const ImageCameras& cameras, colmap::Reconstruction* model);
 
 // Ids under which the cameras of a model are written: cameras that were made of
-// one entry and are in one rigid group become one again. The largest part of an
+// one entry and are in one group become one again. The largest part of an
 // entry, of equal ones that of the first camera, has the id of the entry;
 // others keep the smallest id of their cameras.
 std::map<colmap::camera_t, colmap::camera_t> JoinedCameraIds(

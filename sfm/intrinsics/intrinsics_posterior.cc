@@ -105,9 +105,6 @@ class PosteriorProblem {
       }
     }
     for (auto& [block_id, block] : intrinsics_) AddIntrinsics(&block);
-    if (blocks == IntrinsicsBlocks::BY_CAMERA) {
-      for (const CameraGroup& group : beliefs.groups) AddTies(group);
-    }
   }
 
   std::optional<IntrinsicsPosterior> Solve() {
@@ -135,12 +132,6 @@ class PosteriorProblem {
                       prior.stddev / std::sqrt(unit_variance),
                       prior.deviation);
     }
-    for (const Tie& tie : ties_) {
-      system.AddTie(tie.param,
-                    tie.mean_param,
-                    tie.stddev / std::sqrt(unit_variance),
-                    tie.difference);
-    }
     FixGauge(&system);
     std::vector<int> free_params;
     for (const auto& [block_id, block] : intrinsics_) {
@@ -150,10 +141,8 @@ class PosteriorProblem {
     }
     const auto marginal = system.MarginalOf(free_params);
     if (!marginal) return std::nullopt;
-    IntrinsicsPosterior posterior = PosteriorFrom(
-        *marginal, RealisticCovariances(*marginal, unit_variance));
-    posterior.keypoint_stddev_px = std::sqrt(variance);
-    return posterior;
+    return PosteriorFrom(*marginal,
+                         RealisticCovariances(*marginal, unit_variance));
   }
 
  private:
@@ -164,17 +153,9 @@ class PosteriorProblem {
     double deviation = 0;
   };
 
-  // Tie of a parameter to the mean of its group.
-  struct Tie {
-    int param = 0;
-    int mean_param = 0;
-    double stddev = 0;
-    double difference = 0;
-  };
-
   // Intrinsics that some images share.
   struct Block {
-    // Their camera, of a rigid group the first.
+    // Their camera, of a group the first.
     colmap::camera_t camera_id = colmap::kInvalidCameraId;
     // Indices of the parameters; -1 where held.
     std::vector<int> params;
@@ -192,8 +173,7 @@ class PosteriorProblem {
 
   colmap::camera_t CameraIdOf(const colmap::Image& image) const {
     if (blocks_ == IntrinsicsBlocks::BY_IMAGE) return image.CameraId();
-    const CameraGroup* group = beliefs_.RigidGroupOf(image.CameraId());
-    return group ? group->camera_ids.front() : image.CameraId();
+    return beliefs_.FirstOfGroup(image.CameraId());
   }
 
   uint32_t BlockOf(const colmap::Image& image) const {
@@ -223,26 +203,6 @@ class PosteriorProblem {
       for (const Eigen::Index i : prior.idxs) {
         priors_.push_back(
             {block->params[size_t(i)], stddevs(i) * loosening, deviations(i)});
-      }
-    }
-  }
-
-  void AddTies(const CameraGroup& group) {
-    if (group.IsRigid()) return;
-    const std::vector<double> mean = MeanParams(group, model_);
-    for (size_t i = 0; i < mean.size(); ++i) {
-      if (group.stddevs(Eigen::Index(i)) == 0) continue;
-      int mean_param = -1;
-      for (const colmap::camera_t camera_id : group.camera_ids) {
-        const auto block = intrinsics_.find(camera_id);
-        if (block == intrinsics_.end() || block->second.params[i] < 0) {
-          continue;
-        }
-        if (mean_param < 0) mean_param = num_params_++;
-        ties_.push_back({block->second.params[i],
-                         mean_param,
-                         group.stddevs(Eigen::Index(i)),
-                         model_.Camera(camera_id).Params(i) - mean[i]});
       }
     }
   }
@@ -425,8 +385,7 @@ class PosteriorProblem {
     std::vector<Eigen::Index> rows;
     std::vector<double> values;
     for (const auto& [block_id, block] : intrinsics_) {
-      posterior.block_ids.push_back(block_id);
-      posterior.num_params.push_back(int(block.params.size()));
+      posterior.first_params[block_id] = Eigen::Index(values.size());
       const colmap::Camera& camera = model_.Camera(block.camera_id);
       for (size_t i = 0; i < block.params.size(); ++i) {
         if (block.params[i] >= 0) rows.push_back(Eigen::Index(values.size()));
@@ -456,7 +415,6 @@ class PosteriorProblem {
   std::map<colmap::image_t, int> first_pose_param_;
   std::map<uint32_t, Block> intrinsics_;
   std::vector<Prior> priors_;
-  std::vector<Tie> ties_;
   int num_params_ = 0;
   size_t num_observations_ = 0;
   double sum_weights_ = 0;
@@ -466,16 +424,6 @@ class PosteriorProblem {
 };
 
 }  // namespace
-
-std::optional<Eigen::Index> IntrinsicsPosterior::FirstParamOf(
-    uint32_t block_id) const {
-  Eigen::Index first = 0;
-  for (size_t i = 0; i < block_ids.size(); ++i) {
-    if (block_ids[i] == block_id) return first;
-    first += num_params[i];
-  }
-  return std::nullopt;
-}
 
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,

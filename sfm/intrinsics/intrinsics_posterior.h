@@ -4,8 +4,8 @@
 
 #include "sfm/mapping/bundle_adjustment.h"
 
+#include <map>
 #include <optional>
-#include <vector>
 
 #include <Eigen/Core>
 
@@ -13,13 +13,14 @@ namespace dgsfm {
 
 // Which images share intrinsics.
 enum class IntrinsicsBlocks {
-  BY_CAMERA,  // those of a camera, and those of the cameras of a rigid group
+  BY_CAMERA,  // those of a camera, and those of the cameras of a group
   BY_IMAGE,   // none: each image determines its own
 };
 
 struct IntrinsicsPosterior {
-  // Camera ids, of a rigid group the first, or image ids; ascending.
-  std::vector<uint32_t> block_ids;
+  // First parameter of the intrinsics of each camera, of a group those of its
+  // first one, or of each image.
+  std::map<uint32_t, Eigen::Index> first_params;
   // Parameters of one block after the other [px, 1]: those of the model after a
   // Gauss-Newton step.
   Eigen::VectorXd params;
@@ -27,14 +28,6 @@ struct IntrinsicsPosterior {
   // that errors of single key points cause. Zero for parameters that are held.
   Eigen::MatrixXd covariance;
   Eigen::MatrixXd keypoint_covariance;
-  // Scale of the image errors, from the residuals [px].
-  double keypoint_stddev_px = 0;
-
-  // First parameter of a block; nothing if it has none.
-  std::optional<Eigen::Index> FirstParamOf(uint32_t block_id) const;
-
-  // Number of parameters of each block, all of one camera model.
-  std::vector<int> num_params;
 };
 
 // Intrinsics one Gauss-Newton step from the model towards the minimum of

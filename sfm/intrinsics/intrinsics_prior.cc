@@ -28,60 +28,17 @@ Eigen::MatrixXd InverseStddevRows(const Eigen::VectorXd& stddevs) {
   return rows;
 }
 
-// A (params - mean).
-class TieCost : public ceres::CostFunction {
- public:
-  explicit TieCost(const Eigen::MatrixXd& A) : A_(A) {
-    set_num_residuals(int(A.rows()));
-    mutable_parameter_block_sizes()->assign(2, int(A.cols()));
-  }
-
-  bool Evaluate(const double* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    using Vector = Eigen::Map<const Eigen::VectorXd>;
-    using RowMajorMatrix =
-        Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    Eigen::Map<Eigen::VectorXd>(residuals, A_.rows()) =
-        A_ *
-        (Vector(parameters[0], A_.cols()) - Vector(parameters[1], A_.cols()));
-    for (const int block : {0, 1}) {
-      if (!jacobians || !jacobians[block]) continue;
-      Eigen::Map<RowMajorMatrix>(jacobians[block], A_.rows(), A_.cols()) =
-          block == 0 ? A_ : Eigen::MatrixXd(-A_);
-    }
-    return true;
-  }
-
- private:
-  const Eigen::MatrixXd A_;
-};
-
 }  // namespace
 
 bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
-  return CheckOption(focal_length_stddev_ratio > 0,
-                     "focal_length_stddev_ratio must be > 0",
-                     focal_length_stddev_ratio,
-                     error) &&
-         CheckOption(unknown_log_focal_stddev > 0,
-                     "unknown_log_focal_stddev must be > 0",
-                     unknown_log_focal_stddev,
-                     error) &&
-         CheckOption(principal_point_stddev_ratio > 0,
-                     "principal_point_stddev_ratio must be > 0",
-                     principal_point_stddev_ratio,
-                     error) &&
-         CheckOption(
-             crop_factor > 0, "crop_factor must be > 0", crop_factor, error) &&
-         CheckOption(extra_params_stddev > 0,
-                     "extra_params_stddev must be > 0",
-                     extra_params_stddev,
-                     error) &&
-         CheckOption(keypoint_stddev_px > 0,
-                     "keypoint_stddev_px must be > 0",
-                     keypoint_stddev_px,
-                     error);
+  return OptionBounds(error)
+      .Above("focal_length_stddev_ratio", focal_length_stddev_ratio, 0)
+      .Above("unknown_log_focal_stddev", unknown_log_focal_stddev, 0)
+      .Above("principal_point_stddev_ratio", principal_point_stddev_ratio, 0)
+      .Above("crop_factor", crop_factor, 0)
+      .Above("extra_params_stddev", extra_params_stddev, 0)
+      .Above("keypoint_stddev_px", keypoint_stddev_px, 0)
+      .AreKept();
 }
 
 CameraBeliefs GivenBeliefs(const Scene& scene) {
@@ -189,10 +146,9 @@ const CameraGroup* CameraBeliefs::GroupOf(colmap::camera_t camera_id) const {
   return nullptr;
 }
 
-const CameraGroup* CameraBeliefs::RigidGroupOf(
-    colmap::camera_t camera_id) const {
+colmap::camera_t CameraBeliefs::FirstOfGroup(colmap::camera_t camera_id) const {
   const CameraGroup* group = GroupOf(camera_id);
-  return group && group->IsRigid() ? group : nullptr;
+  return group ? group->camera_ids.front() : camera_id;
 }
 
 size_t CameraBeliefs::NumTiedCameras() const {
@@ -228,15 +184,6 @@ void AddIntrinsicsPrior(const Eigen::VectorXd& mean,
   if (A.rows() == 0) return;
   problem->AddResidualBlock(
       new ceres::NormalPrior(A, mean), owned_loss.release(), params);
-}
-
-void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,
-                      double* params,
-                      double* mean,
-                      ceres::Problem* problem) {
-  const Eigen::MatrixXd A = InverseStddevRows(stddevs);
-  if (A.rows() == 0) return;
-  problem->AddResidualBlock(new TieCost(A), nullptr, params, mean);
 }
 
 }  // namespace dgsfm

@@ -1,5 +1,5 @@
 // What bundle adjustment believes about intrinsics: priors of single cameras,
-// and ties of cameras to a group.
+// and groups of cameras that share them.
 
 #pragma once
 
@@ -47,15 +47,11 @@ struct IntrinsicsPriorOptions {
   bool IsValid(std::string* error) const;
 };
 
-// Cameras of one model and image size that deviate little from their mean.
+// Cameras of one model and image size that share their parameters.
 struct CameraGroup {
   // Ascending.
   std::vector<colmap::camera_t> camera_ids;
-  // Standard deviation of each parameter about the group's mean [px, 1]; empty
-  // in a rigid group, whose cameras have the same parameters.
-  Eigen::VectorXd stddevs;
 
-  bool IsRigid() const { return stddevs.size() == 0; }
   bool Contains(colmap::camera_t camera_id) const;
 };
 
@@ -75,9 +71,10 @@ struct CameraBeliefs {
   // Cameras all of whose parameters are held as they are.
   std::set<colmap::camera_t> held_cameras;
 
-  // The group, or rigid group, that a camera is in, or null.
+  // The group that a camera is in, or null.
   const CameraGroup* GroupOf(colmap::camera_t camera_id) const;
-  const CameraGroup* RigidGroupOf(colmap::camera_t camera_id) const;
+  // The first camera of its group, or the camera itself.
+  colmap::camera_t FirstOfGroup(colmap::camera_t camera_id) const;
   size_t NumTiedCameras() const;
 };
 
@@ -117,11 +114,5 @@ void AddIntrinsicsPrior(const Eigen::VectorXd& mean,
                         ceres::LossFunction* loss,
                         double* params,
                         ceres::Problem* problem);
-
-// The same without a loss about a mean that is a parameter block.
-void AddIntrinsicsTie(const Eigen::VectorXd& stddevs,
-                      double* params,
-                      double* mean,
-                      ceres::Problem* problem);
 
 }  // namespace dgsfm

@@ -8,7 +8,6 @@
 
 #include <functional>
 #include <map>
-#include <optional>
 #include <vector>
 
 namespace dgsfm {
@@ -20,9 +19,6 @@ using ModelAdjuster = std::function<bool(const CameraBeliefs& beliefs,
                                          colmap::Reconstruction* model)>;
 
 struct SelfCalibrationOptions {
-  CameraGroupingOptions grouping;
-  // Whether groups are looked for among cameras that are in none.
-  bool tie_cameras = true;
   // Adjustment of the complete model, principal points free.
   BundleAdjustmentOptions bundle_adjustment;
   // Adjusts a model with these options.
@@ -42,17 +38,8 @@ std::vector<colmap::image_t> FindContradictingImages(
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model);
 
-// Finds groups among the cameras that are in none, and the principal points to
-// hold, in a model adjusted with held principal points.
-//
-// Free intrinsics of few images have several minima, and linear errors tell
-// them apart too well. So cameras whose focal lengths are close are tied first
-// and the model is adjusted; one Gauss-Newton step from there shows which
-// cameras still want to differ, and the groups are found anew from it, until
-// they stay the same.
-//
-// Principal points are freed where the model determines them, see
-// FindHeldPrincipalPoints. The model is left at the adjustment with what is
+// Frees the principal points that a model adjusted with held ones determines,
+// see FindHeldPrincipalPoints. The model is left at the adjustment with what is
 // returned, or as it was, with all principal points held, where nothing was
 // learned, an adjustment failed, or cameras became implausible.
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
@@ -68,9 +55,6 @@ struct CameraResult {
   std::vector<double> stddevs;
   // Smallest camera id of its group, or its own.
   colmap::camera_t group = colmap::kInvalidCameraId;
-  // Standard deviations of the parameters about the mean of the group; empty if
-  // they are the same.
-  std::vector<double> group_stddevs;
 };
 
 std::map<colmap::camera_t, CameraResult> SummarizeCameras(

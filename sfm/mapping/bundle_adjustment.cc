@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <list>
 #include <map>
 #include <unordered_map>
 #include <utility>
@@ -56,7 +55,6 @@ class ModelBundle {
     for (size_t i = 0; i < camera_ids_.size(); ++i) {
       RefineCamera(num_observations_[i], i);
     }
-    for (const CameraGroup& group : beliefs_.groups) TieCameras(group);
   }
 
   // Holds the pose of an image, and of the image farthest from it the
@@ -150,14 +148,14 @@ class ModelBundle {
             std::min(1.0, options_.max_num_depths / double(log_ratios.size())));
   }
 
-  // Cameras of a rigid group have one index.
+  // Cameras of a group have one index.
   int IndexOfCamera(colmap::camera_t camera_id) {
     const auto [it, is_new] =
         camera_indices_.emplace(camera_id, int(bundle_.cameras.size()));
     if (!is_new) return it->second;
     const colmap::Camera& camera = model_->Camera(camera_id);
     BundleCamera bundle_camera = {camera.ModelId(), camera.Params(), {}};
-    if (const CameraGroup* group = beliefs_.RigidGroupOf(camera_id)) {
+    if (const CameraGroup* group = beliefs_.GroupOf(camera_id)) {
       bundle_camera.params = MeanParams(*group, *model_);
       for (const colmap::camera_t member : group->camera_ids) {
         camera_indices_[member] = it->second;
@@ -196,22 +194,6 @@ class ModelBundle {
     }
   }
 
-  // The mean of a group that is not rigid is a parameter block of its own.
-  void TieCameras(const CameraGroup& group) {
-    if (group.IsRigid()) return;
-    group_means_.push_back(MeanParams(group, *model_));
-    for (const colmap::camera_t camera_id : group.camera_ids) {
-      const auto it = camera_indices_.find(camera_id);
-      if (it == camera_indices_.end()) continue;
-      BundleCamera& camera = bundle_.cameras[it->second];
-      if (camera.refined_params.empty()) continue;
-      AddIntrinsicsTie(group.stddevs / options_.intrinsics.keypoint_stddev_px,
-                       camera.params.data(),
-                       group_means_.back().data(),
-                       &camera_terms_);
-    }
-  }
-
   void WriteBack() {
     for (size_t i = 0; i < image_ids_.size(); ++i) {
       SetCamFromWorld(bundle_.images[i].cam_from_world,
@@ -238,9 +220,6 @@ class ModelBundle {
   std::unordered_map<colmap::point3D_t, int> point_indices_;
   std::vector<size_t> num_observations_;
   Bundle bundle_;
-  // Means of the groups that are not rigid; a list, so that blocks stay in
-  // place.
-  std::list<std::vector<double>> group_means_;
   // Terms of the `params` of the cameras of the bundle.
   ceres::Problem camera_terms_;
 };

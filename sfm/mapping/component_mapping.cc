@@ -155,7 +155,7 @@ void FinishCameras(const MappingContext& context,
   KeepGroupsOf(model, &groups);
   const std::map<colmap::camera_t, colmap::camera_t> final_ids =
       context.options.share_intrinsics
-          ? FirstOfRigidGroups(groups)
+          ? FirstOfGroups(groups)
           : JoinedCameraIds(progress->cameras.origins, groups, model);
   for (auto& [camera_id, camera] : SummarizeCameras(
            FinalAdjustment(context, *progress), progress->beliefs, model)) {

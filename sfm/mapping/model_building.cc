@@ -113,8 +113,6 @@ bool AdjustModel(const MappingContext& context,
 SelfCalibrationOptions SelfCalibration(const MappingContext& context,
                                        const ModelInProgress& progress) {
   SelfCalibrationOptions options;
-  options.grouping = context.options.camera_grouping;
-  options.tie_cameras = context.options.TiesCameras();
   options.bundle_adjustment = FinalAdjustment(context, progress);
   options.adjust = FinalAdjuster(context, progress);
   return options;

@@ -152,11 +152,8 @@ std::map<colmap::camera_t, CameraFocal> AverageFocals(
     MappingLog* log) {
   if (options.skip_focal_averaging) return {};
   StageTimer timer("focal_averaging");
-  const auto focals = AverageFocalsOfCameras(*pairs,
-                                             depths,
-                                             options.view_graph_calibration,
-                                             options.TiesCameras(),
-                                             scene);
+  const auto focals =
+      AverageFocalsOfCameras(*pairs, options.TiesCameras(), scene);
   std::map<FocalSource, size_t> num_cameras;
   for (const auto& [camera_id, focal] : focals) ++num_cameras[focal.source];
   for (const auto& [source, count] : num_cameras) {

@@ -39,7 +39,7 @@ double RmsError(const std::vector<double>& values,
   return std::sqrt(sum / double(truth.size()));
 }
 
-TEST(ShrinkFocals, NeverLosesAndGainsMostWhereCamerasAreTheSame) {
+TEST(ShrinkLogFocals, NeverLosesAndGainsMostWhereCamerasAreTheSame) {
   struct Case {
     double population_stddev;
     double max_error_ratio;
@@ -50,40 +50,35 @@ TEST(ShrinkFocals, NeverLosesAndGainsMostWhereCamerasAreTheSame) {
   for (const Case& c : {Case{0.0, 0.35}, {0.025, 0.9}, {0.4, 1.05}}) {
     std::vector<double> truth, before, after;
     const auto estimates = CreateEstimates(c.population_stddev, &truth);
-    const auto posteriors = ShrinkFocals({}, estimates);
-    ASSERT_EQ(posteriors.size(), estimates.size());
+    const auto shrunk = ShrinkLogFocals(estimates);
+    ASSERT_EQ(shrunk.size(), estimates.size());
     for (size_t i = 0; i < estimates.size(); ++i) {
       before.push_back(estimates[i].log_focal_length);
-      after.push_back(posteriors[i].log_focal_length);
+      after.push_back(shrunk[i]);
     }
     EXPECT_LT(RmsError(after, truth),
               c.max_error_ratio * RmsError(before, truth));
   }
 }
 
-TEST(ShrinkFocals, CamerasWithoutEstimatesGetTheMedian) {
+TEST(ShrinkLogFocals, CamerasWithoutEstimatesGetTheMedian) {
   std::vector<double> truth;
   auto estimates = CreateEstimates(0.1, &truth);
   estimates.push_back({std::numeric_limits<double>::quiet_NaN(), 0, 0});
-  const FocalPosterior posterior = ShrinkFocals({}, estimates).back();
   // Three standard deviations of the median of 40.
-  EXPECT_NEAR(posterior.log_focal_length, 7, 0.06);
-  EXPECT_NEAR(posterior.log_stddev, 0.1, 0.05);
+  EXPECT_NEAR(ShrinkLogFocals(estimates).back(), 7, 0.06);
 }
 
-TEST(ShrinkFocals, FewCamerasTellNothing) {
+TEST(ShrinkLogFocals, FewCamerasTellNothing) {
   const std::vector<CameraFocalEstimate> estimates(3, {7, 0.1, 5});
-  EXPECT_TRUE(ShrinkFocals({}, estimates).empty());
-  EXPECT_TRUE(ShrinkFocals({}, {}).empty());
+  EXPECT_TRUE(ShrinkLogFocals(estimates).empty());
+  EXPECT_TRUE(ShrinkLogFocals({}).empty());
 }
 
-TEST(ShrinkFocals, RefusesWhatIsNotFinite) {
+TEST(ShrinkLogFocals, RefusesWhatIsNotFinite) {
   const std::vector<CameraFocalEstimate> estimates(
       5, {std::numeric_limits<double>::infinity(), 0.1, 5});
-  EXPECT_THROW(ShrinkFocals({}, estimates), std::invalid_argument);
-  FocalPopulationOptions options;
-  options.min_num_cameras = 1;
-  EXPECT_THROW(ShrinkFocals(options, {}), std::invalid_argument);
+  EXPECT_THROW(ShrinkLogFocals(estimates), std::invalid_argument);
 }
 
 }  // namespace

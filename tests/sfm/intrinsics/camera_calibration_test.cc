@@ -24,13 +24,6 @@ Scene TwoCameras() {
   return scene;
 }
 
-KeypointDepthMap DepthsWithFocal(double focal_length_px) {
-  KeypointDepthMap depths;
-  depths[1].focal_length_px = focal_length_px;
-  depths[2].focal_length_px = 10;
-  return depths;
-}
-
 PairGeometries OnePair(double focal_length_px) {
   PairGeometry pair;
   pair.status = PairStatus::VALID;
@@ -40,25 +33,15 @@ PairGeometries OnePair(double focal_length_px) {
   return {{PairIdOfImages(1, 2), pair}};
 }
 
-TEST(AverageFocalsOfCameras, PairsGoBeforeTheDepthModelAndThatBeforeTheGuess) {
-  struct Case {
-    PairGeometries pairs;
-    KeypointDepthMap depths;
-    FocalSource source;
-    double focal_length_px;
-  };
-  const std::vector<Case> cases = {
-      {OnePair(700), DepthsWithFocal(600), FocalSource::PAIRS, 700},
-      {{}, DepthsWithFocal(600), FocalSource::DEPTH_MODEL, 600},
-      {{}, DepthsWithFocal(0), FocalSource::DEFAULT, 500},
-      {{}, {}, FocalSource::DEFAULT, 500}};
-  for (const Case& c : cases) {
+TEST(AverageFocalsOfCameras, PairsGoBeforeTheGuess) {
+  for (const bool has_pair : {true, false}) {
     Scene scene = TwoCameras();
-    const auto focals =
-        AverageFocalsOfCameras(c.pairs, c.depths, {}, false, &scene);
-    EXPECT_EQ(focals.at(1).source, c.source);
+    const auto focals = AverageFocalsOfCameras(
+        has_pair ? OnePair(700) : PairGeometries(), false, &scene);
+    EXPECT_EQ(focals.at(1).source,
+              has_pair ? FocalSource::PAIRS : FocalSource::DEFAULT);
     // Rounding of logarithms.
-    EXPECT_NEAR(focals.at(1).focal_length_px, c.focal_length_px, 1e-9);
+    EXPECT_NEAR(focals.at(1).focal_length_px, has_pair ? 700 : 500, 1e-9);
     EXPECT_EQ(scene.cameras.at(1).MeanFocalLength(),
               focals.at(1).focal_length_px);
     EXPECT_EQ(focals.at(2).source, FocalSource::PRIOR);
@@ -71,7 +54,7 @@ TEST(AverageFocalsOfCameras, ExifStandsInForPairsAndIsAveragedWithThem) {
   const ImageExif exif = {"camera", 0.75};
   Scene scene = TwoCameras();
   scene.exif[1] = scene.exif[2] = exif;
-  auto focals = AverageFocalsOfCameras({}, {}, {}, false, &scene);
+  auto focals = AverageFocalsOfCameras({}, false, &scene);
   EXPECT_EQ(focals.at(1).source, FocalSource::EXIF);
   // Rounding of logarithms.
   EXPECT_NEAR(focals.at(1).focal_length_px, 600, 1e-9);
@@ -80,7 +63,7 @@ TEST(AverageFocalsOfCameras, ExifStandsInForPairsAndIsAveragedWithThem) {
   // One estimate with a deviation of 2 % against 5 %: 4 / 29 of the way.
   scene = TwoCameras();
   scene.exif[1] = exif;
-  focals = AverageFocalsOfCameras(OnePair(640), {}, {}, false, &scene);
+  focals = AverageFocalsOfCameras(OnePair(640), false, &scene);
   EXPECT_EQ(focals.at(1).source, FocalSource::PAIRS);
   EXPECT_NEAR(focals.at(1).focal_length_px,
               640 * std::pow(600.0 / 640.0, 4.0 / 29.0),
@@ -89,7 +72,7 @@ TEST(AverageFocalsOfCameras, ExifStandsInForPairsAndIsAveragedWithThem) {
   // EXIF data of a crop: 17 % are more than two deviations.
   scene = TwoCameras();
   scene.exif[1] = exif;
-  focals = AverageFocalsOfCameras(OnePair(720), {}, {}, false, &scene);
+  focals = AverageFocalsOfCameras(OnePair(720), false, &scene);
   EXPECT_NEAR(focals.at(1).focal_length_px, 720, 1e-9);
 }
 
@@ -122,7 +105,7 @@ TEST(AverageFocalsOfCameras, RelatedCamerasShareTheirEstimates) {
       pair.estimated_focal1 = pair.estimated_focal2 = true;
     }
   }
-  const auto focals = AverageFocalsOfCameras(pairs, {}, {}, true, &scene);
+  const auto focals = AverageFocalsOfCameras(pairs, true, &scene);
   for (const colmap::camera_t id : {1, 2, 3, 4, 5}) {
     EXPECT_EQ(focals.at(id).source, FocalSource::PAIRS);
     // All but the smallest spread that populations have.

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
+#include "sfm/intrinsics/intrinsics_evidence.h"
 
 #include <cmath>
 
@@ -70,6 +71,10 @@ class AdjustedScene {
     return FindContradictingImages(options, beliefs, model_);
   }
 
+  std::vector<CameraGroup> Classes() const {
+    return FindCameraClasses(options_.intrinsics, beliefs_, model_);
+  }
+
   CameraBeliefs Calibrate() {
     return CalibrateModel(CalibrationOptions(options_), beliefs_, &model_);
   }
@@ -80,7 +85,6 @@ class AdjustedScene {
 
   const CameraBeliefs& Beliefs() const { return beliefs_; }
 
-  colmap::Reconstruction& MutableModel() { return model_; }
   const colmap::Reconstruction& Model() const { return model_; }
 
   const colmap::Camera& TrueCamera(colmap::camera_t camera_id) const {
@@ -111,15 +115,15 @@ TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
   ASSERT_TRUE(scene.Adjust());
   const auto posterior = scene.Posterior();
   ASSERT_TRUE(posterior);
-  // 7000 residuals tell it to 1 %; soft L1 bends it by some per cent.
-  EXPECT_NEAR(posterior->keypoint_stddev_px, kKeypointStddev, 0.05);
   double sum = 0;
   const auto size = posterior->params.size();
-  Eigen::VectorXd errors(size);
-  for (Eigen::Index i = 0; i < size; ++i) {
-    errors(i) = posterior->params(i) -
-                scene.TrueCamera(posterior->block_ids[i / 4]).Params(i % 4);
-    sum += errors(i) * errors(i) / posterior->covariance(i, i);
+  for (const auto& [camera_id, first_param] : posterior->first_params) {
+    for (Eigen::Index i = 0; i < 4; ++i) {
+      const double error = posterior->params(first_param + i) -
+                           scene.TrueCamera(camera_id).Params(size_t(i));
+      sum += error * error /
+             posterior->covariance(first_param + i, first_param + i);
+    }
   }
   // Errors of all cameras have parts in common: a mean of squares of 1, as far
   // as few independent values tell.
@@ -127,49 +131,19 @@ TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
   EXPECT_LT(sum / double(size), 4);
 }
 
-TEST(FindCameraGroups, CopiesOfOneCameraAreTiedAndGainAccuracy) {
+TEST(AdjustBundle, GroupsShareTheirIntrinsicsAndGainAccuracy) {
   AdjustedScene scene(1);
   ASSERT_TRUE(scene.Adjust());
-  const auto groups = FindCameraGroups(CameraGroupingOptions(),
-                                       scene.Beliefs(),
-                                       *scene.Posterior(),
-                                       scene.Model());
-  ASSERT_EQ(groups.size(), 1);
-  EXPECT_EQ(groups[0].camera_ids.size(), 12);
-  EXPECT_TRUE(groups[0].IsRigid());
   const double untied_error = scene.MaxFocalError();
-  ASSERT_TRUE(scene.Adjust(groups));
+  ASSERT_TRUE(scene.Adjust(scene.Classes()));
   for (const auto& [camera_id, camera] : scene.Model().Cameras()) {
     EXPECT_EQ(camera.Params(), scene.Model().Camera(1).Params());
   }
   EXPECT_LT(scene.MaxFocalError(), untied_error);
   const auto posterior = scene.Posterior();
   ASSERT_TRUE(posterior);
-  EXPECT_EQ(posterior->block_ids, std::vector<uint32_t>({1}));
-}
-
-TEST(FindCameraGroups, DifferentCamerasOfOneSizeAreTiedApart) {
-  AdjustedScene scene(2);
-  ASSERT_TRUE(scene.Adjust());
-  const auto groups = FindCameraGroups(CameraGroupingOptions(),
-                                       scene.Beliefs(),
-                                       *scene.Posterior(),
-                                       scene.Model());
-  ASSERT_EQ(groups.size(), 2);
-  EXPECT_EQ(groups[0].camera_ids,
-            std::vector<colmap::camera_t>({1, 3, 5, 7, 9, 11}));
-  EXPECT_EQ(groups[1].camera_ids,
-            std::vector<colmap::camera_t>({2, 4, 6, 8, 10, 12}));
-}
-
-TEST(FindCameraGroups, EachImageWithItsOwnCameraStaysFree) {
-  AdjustedScene scene(0);
-  ASSERT_TRUE(scene.Adjust());
-  EXPECT_TRUE(FindCameraGroups(CameraGroupingOptions(),
-                               scene.Beliefs(),
-                               *scene.Posterior(),
-                               scene.Model())
-                  .empty());
+  ASSERT_EQ(posterior->first_params.size(), 1);
+  EXPECT_EQ(posterior->first_params.count(1), 1);
 }
 
 // Whatever the origin of the world is: the coordinate that is held must be one
@@ -209,26 +183,6 @@ TEST(AdjustBundle, KeepsTheScale) {
       EXPECT_NEAR(diameter() / start_diameter, 1, 0.03);
     }
   }
-}
-
-TEST(AdjustBundle, SoftGroupsPullTogether) {
-  AdjustedScene scene(1);
-  ASSERT_TRUE(scene.Adjust());
-  const auto spread = [&] {
-    double min = 1e9, max = 0;
-    for (const auto& [camera_id, camera] : scene.Model().Cameras()) {
-      min = std::min(min, camera.MeanFocalLength());
-      max = std::max(max, camera.MeanFocalLength());
-    }
-    return max - min;
-  };
-  CameraGroup group;
-  for (colmap::camera_t id = 1; id <= 12; ++id) group.camera_ids.push_back(id);
-  group.stddevs = Eigen::Vector4d(0.01, 0, 0, 0);
-  const double spread_before = spread();
-  ASSERT_TRUE(scene.Adjust({group}));
-  EXPECT_LT(spread(), 0.1 * spread_before);
-  EXPECT_GT(spread(), 0);
 }
 
 TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
@@ -350,7 +304,7 @@ TEST(FindHeldPrincipalPoints, FreesWhatIsDeterminedAndDeviates) {
       ASSERT_TRUE(posterior);
       const bool is_held =
           !FindHeldPrincipalPoints(
-               {}, adjustment.intrinsics, beliefs, *posterior, model)
+               adjustment.intrinsics, beliefs, *posterior, model)
                .empty();
       EXPECT_EQ(is_held, family == SceneFamily::RING || offset_px == 0)
           << SceneFamilyName(family) << " " << offset_px << " "
@@ -387,36 +341,27 @@ TEST(EstimateIntrinsicsPosterior, HasAFloorThatMorePointsDoNotLower) {
   EXPECT_GT(stddevs[1].norm(), 0.7 * stddevs[0].norm());
 }
 
-TEST(CalibrateModel, KnownCamerasAreTiedOnlyIfGivenTheSame) {
+TEST(FindCameraClasses, KnownCamerasAreTiedOnlyIfGivenTheSame) {
+  AdjustedScene scene(1);
   for (const bool are_given_the_same : {true, false}) {
-    SyntheticScene synthetic = CreateScene(1);
-    synthetic.options.known_focal_length = true;
-    CameraBeliefs beliefs;
-    beliefs.given = SceneFromSynthetic(synthetic).cameras;
+    CameraBeliefs beliefs = scene.Beliefs();
     for (auto& [camera_id, camera] : beliefs.given) {
+      camera.SetPriorFocalLength(true);
       camera.SetParams(beliefs.given.at(1).Params());
       // Less than the standard deviation of the prior, 1 %.
       if (!are_given_the_same) {
         camera.SetFocalLength(camera.FocalLength() * (1 + 1e-4 * camera_id));
       }
     }
-    colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
-    BundleAdjustmentOptions options;
-    options.intrinsics.refine_principal_point = true;
-    ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
-    beliefs = CalibrateModel(CalibrationOptions(options), beliefs, &model);
+    beliefs.groups = FindCameraClasses({}, beliefs, scene.Model());
     EXPECT_EQ(beliefs.NumTiedCameras(), are_given_the_same ? 12 : 0);
   }
 }
 
-TEST(RenameCameras, MergesCamerasOfRigidGroupsOnly) {
+TEST(RenameCameras, MergesCamerasOfGroupsOnly) {
   AdjustedScene scene(2);
   colmap::Reconstruction model = scene.Model();
-  CameraGroup rigid, soft;
-  rigid.camera_ids = {1, 3, 5};
-  soft.camera_ids = {2, 4};
-  soft.stddevs = Eigen::Vector4d::Ones();
-  RenameCameras(FirstOfRigidGroups({rigid, soft}), &model);
+  RenameCameras(FirstOfGroups({{{1, 3, 5}}}), &model);
   EXPECT_EQ(model.NumCameras(), 10);
   EXPECT_EQ(model.Image(5).CameraId(), 1);
   EXPECT_EQ(model.Image(4).CameraId(), 4);
@@ -452,7 +397,7 @@ TEST(CalibrateModel, HoldsPrincipalPointsUnlessTheImagesAreCrops) {
 TEST(CalibrateModel, FindsThePrincipalPointOfAGroup) {
   for (const double crop_ratio : {0.0, 1.0}) {
     AdjustedScene scene(1, crop_ratio);
-    ASSERT_TRUE(scene.Adjust());
+    ASSERT_TRUE(scene.Adjust(scene.Classes()));
     const CameraBeliefs beliefs = scene.Calibrate();
     ASSERT_EQ(beliefs.groups.size(), 1);
     EXPECT_EQ(beliefs.groups[0].camera_ids.size(), 12);
@@ -463,40 +408,6 @@ TEST(CalibrateModel, FindsThePrincipalPointOfAGroup) {
     EXPECT_NEAR(camera.PrincipalPointX(), truth.PrincipalPointX(), 8);
     EXPECT_NEAR(camera.PrincipalPointY(), truth.PrincipalPointY(), 8);
   }
-}
-
-// Free intrinsics have several minima: the ties decide which of them count.
-TEST(CalibrateModel, TiesCamerasThatSelfCalibrationLeftFarApart) {
-  AdjustedScene scene(1);
-  ASSERT_TRUE(scene.Adjust());
-  colmap::Reconstruction& model = scene.MutableModel();
-  // As far as free principal points come on real photos: 3 % of the image. The
-  // linear errors are below 1 %.
-  for (const colmap::camera_t camera_id : {3, 8}) {
-    model.Camera(camera_id).SetPrincipalPointY(
-        model.Camera(camera_id).PrincipalPointY() + 24);
-    model.Camera(camera_id).SetFocalLength(
-        1.03 * model.Camera(camera_id).FocalLength());
-  }
-  const CameraBeliefs beliefs = scene.Calibrate();
-  ASSERT_EQ(beliefs.groups.size(), 1);
-  EXPECT_EQ(beliefs.groups[0].camera_ids.size(), 12);
-  EXPECT_TRUE(beliefs.groups[0].IsRigid());
-}
-
-TEST(CalibrateModel, DoesNotTieZoomsRigidly) {
-  // Each image has its own zoom, up to 30 %, which an adjustment with one focal
-  // length would hide in poses and points.
-  AdjustedScene scene(0);
-  ASSERT_TRUE(scene.Adjust());
-  const double free_error = scene.MaxFocalError();
-  const CameraBeliefs beliefs = scene.Calibrate();
-  for (const CameraGroup& group : beliefs.groups) {
-    EXPECT_LT(group.camera_ids.size(), 12);
-  }
-  ASSERT_TRUE(scene.Adjust(beliefs.groups));
-  // What a tie of a few similar zooms may cost.
-  EXPECT_LT(scene.MaxFocalError(), 1.5 * free_error + 0.002);
 }
 
 TEST(AdjustBundle, CropsFindTheirPrincipalPoints) {

@@ -1,0 +1,198 @@
+#include "sfm/intrinsics/intrinsics_evidence.h"
+
+#include "sfm/mapping/model_access.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Spread of log focal lengths of one camera, by focusing and by errors that
+// neighbouring images have in common [1].
+constexpr double kMinLogFocalStddev = 0.005;
+// Images whose focal lengths are farther from the mean of those that share one
+// have one of their own [standard deviations]; so have all of them if the root
+// of their mean squared deviation is larger than the second value. It is 0.2 to
+// 1.4 on photos of one camera.
+constexpr double kMaxFocalDeviation = 6;
+constexpr double kMaxRmsFocalDeviation = 2;
+// Probability that any principal point of a model is taken for that of a crop
+// by mistake [1].
+constexpr double kCropSignificance = 1e-3;
+// Uncertainty of a principal point, over that of its prior, up to which it
+// counts as determined.
+constexpr double kMaxUncertaintyRatio = 0.5;
+
+// Differences of values from their weighted mean, over their standard
+// deviations [1], which are at least kMinLogFocalStddev.
+Eigen::VectorXd DeviationsFromMean(const Eigen::VectorXd& values,
+                                   const Eigen::MatrixXd& covariance) {
+  Eigen::VectorXd weights = covariance.diagonal().cwiseInverse();
+  weights /= weights.sum();
+  const Eigen::VectorXd cross = covariance * weights;
+  const double mean = weights.dot(values);
+  const Eigen::ArrayXd variances =
+      (covariance.diagonal() - 2 * cross).array() + weights.dot(cross);
+  return (values.array() - mean) /
+         (variances.max(0) + kMinLogFocalStddev * kMinLogFocalStddev).sqrt();
+}
+
+// Deviation of a principal point from the given one [px].
+struct CenterDeviation {
+  Eigen::Vector2d offset_px;
+  // By all errors, and by those of single key points.
+  Eigen::Matrix2d covariance;
+  Eigen::Matrix2d keypoint_covariance;
+
+  double ChiSquare() const {
+    return offset_px.dot(covariance.inverse() * offset_px);
+  }
+};
+
+// Nothing where the principal point is held.
+std::optional<CenterDeviation> DeviationOfCenter(
+    const colmap::Camera& camera,
+    const colmap::Camera& given,
+    Eigen::Index first_param,
+    const IntrinsicsPosterior& posterior) {
+  CenterDeviation deviation;
+  const std::vector<size_t>& idxs = given.PrincipalPointIdxs();
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const size_t row = idxs[size_t(i)];
+    deviation.offset_px(i) = camera.Params(row) - given.Params(row);
+    for (Eigen::Index j = 0; j < 2; ++j) {
+      const Eigen::Index param1 = first_param + Eigen::Index(row);
+      const Eigen::Index param2 = first_param + Eigen::Index(idxs[size_t(j)]);
+      deviation.covariance(i, j) = posterior.covariance(param1, param2);
+      deviation.keypoint_covariance(i, j) =
+          posterior.keypoint_covariance(param1, param2);
+    }
+  }
+  if (!(deviation.covariance.diagonal().minCoeff() > 0)) return std::nullopt;
+  return deviation;
+}
+
+// Standard deviation in the least certain direction.
+double MaxStddev(const Eigen::Matrix2d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(covariance);
+  return std::sqrt(eigen.eigenvalues()(1));
+}
+
+// Logarithm of the odds, even ones before, that a principal point is drawn from
+// its prior, and is not the given one with errors of key points.
+double LogOddsOfPrior(const CenterDeviation& deviation,
+                      double prior_stddev_px) {
+  const auto log_likelihood = [&](const Eigen::Matrix2d& covariance) {
+    return -0.5 * (std::log(covariance.determinant()) +
+                   deviation.offset_px.dot(covariance.inverse() *
+                                           deviation.offset_px));
+  };
+  return log_likelihood(deviation.keypoint_covariance +
+                        prior_stddev_px * prior_stddev_px *
+                            Eigen::Matrix2d::Identity()) -
+         log_likelihood(deviation.keypoint_covariance);
+}
+
+}  // namespace
+
+std::vector<colmap::image_t> FindDeviatingImages(
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& by_image,
+    const colmap::Reconstruction& model) {
+  // Images that share a focal length, where it is refined.
+  std::map<colmap::camera_t, std::vector<colmap::image_t>> shared;
+  for (const auto& [image_id, param] : by_image.first_params) {
+    if (by_image.covariance(param, param) == 0) continue;
+    shared[beliefs.FirstOfGroup(model.Image(image_id).CameraId())].push_back(
+        image_id);
+  }
+  std::vector<colmap::image_t> deviating;
+  for (const auto& [camera_id, image_ids] : shared) {
+    if (image_ids.size() < 2) continue;
+    const double focal_px = model.Camera(camera_id).MeanFocalLength();
+    const auto count = Eigen::Index(image_ids.size());
+    Eigen::VectorXd logs(count);
+    Eigen::MatrixXd covariance(count, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Eigen::Index param1 =
+          by_image.first_params.at(image_ids[size_t(i)]);
+      // The step of the logarithm.
+      logs(i) = by_image.params(param1) / focal_px - 1;
+      for (Eigen::Index j = 0; j < count; ++j) {
+        const Eigen::Index param2 =
+            by_image.first_params.at(image_ids[size_t(j)]);
+        covariance(i, j) =
+            by_image.covariance(param1, param2) / (focal_px * focal_px);
+      }
+    }
+    const Eigen::VectorXd deviations = DeviationsFromMean(logs, covariance);
+    const double rms = std::sqrt(deviations.squaredNorm() / double(count));
+    VLOG(1) << "Camera " << camera_id << ": focal lengths of " << count
+            << " images differ by " << rms << " standard deviations, at most "
+            << deviations.cwiseAbs().maxCoeff();
+    for (Eigen::Index i = 0; i < count; ++i) {
+      if (rms > kMaxRmsFocalDeviation ||
+          std::abs(deviations(i)) > kMaxFocalDeviation) {
+        deviating.push_back(image_ids[size_t(i)]);
+      }
+    }
+  }
+  std::sort(deviating.begin(), deviating.end());
+  return deviating;
+}
+
+std::set<colmap::camera_t> FindHeldPrincipalPoints(
+    const IntrinsicsPriorOptions& prior,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model) {
+  // By the first camera of each group.
+  std::map<colmap::camera_t, int> num_images;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    ++num_images[beliefs.FirstOfGroup(model.Image(image_id).CameraId())];
+  }
+  std::map<colmap::camera_t, CenterDeviation> deviations;
+  for (const auto& [camera_id, first_param] : posterior.first_params) {
+    const auto deviation = DeviationOfCenter(model.Camera(camera_id),
+                                             beliefs.given.at(camera_id),
+                                             first_param,
+                                             posterior);
+    if (deviation) deviations.emplace(camera_id, *deviation);
+  }
+  // The distribution of chi-square with two degrees of freedom is exponential.
+  const double max_chi_square =
+      -2 * std::log(kCropSignificance / double(deviations.size()));
+  std::set<colmap::camera_t> freed;
+  for (const auto& [camera_id, deviation] : deviations) {
+    const double stddev_px = prior.principal_point_stddev_ratio *
+                             LargerSide(beliefs.given.at(camera_id));
+    const double uncertainty = MaxStddev(deviation.covariance) / stddev_px;
+    VLOG(1) << "Principal point of camera " << camera_id << ": uncertainty "
+            << uncertainty << " of the prior's, off by "
+            << deviation.offset_px.transpose() << " px";
+    const bool is_crop =
+        deviation.ChiSquare() > max_chi_square &&
+        deviation.offset_px.norm() > prior.crop_factor * stddev_px;
+    const bool is_determined = num_images[camera_id] > 1 &&
+                               uncertainty < kMaxUncertaintyRatio &&
+                               LogOddsOfPrior(deviation, stddev_px) > 0;
+    if (is_crop || is_determined) freed.insert(camera_id);
+  }
+  std::set<colmap::camera_t> held;
+  for (const auto& [camera_id, camera] : model.Cameras()) {
+    if (freed.count(beliefs.FirstOfGroup(camera_id)) == 0) {
+      held.insert(camera_id);
+    }
+  }
+  return held;
+}
+
+}  // namespace dgsfm
