@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/intrinsics/kruppa_cost.h"
+#include "estimators/median.h"
 #include "estimators/option_check.h"
 
 #include <algorithm>
@@ -101,8 +102,8 @@ std::optional<AveragedFocal> AverageFocals(
   for (WeightedValue& value : values) {
     value.value = std::abs(value.value - median);
   }
-  // 1.4826 makes it the standard deviation of normally distributed values.
-  return AveragedFocal{std::exp(median), 1.4826 * WeightedMedian(values)};
+  return AveragedFocal{std::exp(median),
+                       kStddevPerMad * WeightedMedian(values)};
 }
 
 bool ViewGraphCalibrationOptions::IsValid(std::string* error) const {

@@ -13,7 +13,6 @@ namespace {
 
 // Standard deviation of a normal distribution over its median absolute
 // deviation.
-constexpr double kStddevOfMad = 1.4826;
 // Variance of the median of normal values over that of their mean.
 constexpr double kMedianVariance = 1.5708;
 
@@ -68,7 +67,7 @@ std::vector<FocalPosterior> ShrinkFocals(
   std::vector<double> deviations;
   for (const double value : values)
     deviations.push_back(std::abs(value - mean));
-  const double spread = kStddevOfMad * Median(deviations);
+  const double spread = kStddevPerMad * Median(deviations);
   std::vector<double> variances = VariancesOf(known);
   const double population_variance =
       std::max(spread * spread - Median(variances),

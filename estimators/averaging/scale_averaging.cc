@@ -44,7 +44,8 @@ std::vector<double> LogScaleSpreads(const std::vector<RelativeLogScale>& ratios,
   }
   std::vector<double> spreads;
   for (const std::vector<double>& node_errors : errors) {
-    spreads.push_back(node_errors.empty() ? 0 : 1.4826 * Median(node_errors));
+    spreads.push_back(
+        node_errors.empty() ? 0 : kStddevPerMad * Median(node_errors));
   }
   return spreads;
 }
