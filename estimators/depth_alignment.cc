@@ -24,7 +24,6 @@ constexpr int kNumIterations = 8;
 // its width is this many standard deviations.
 constexpr double kCauchyWidth = 2.385;
 // Standard deviations of a Gaussian per median absolute value.
-constexpr double kSigmaPerMedian = 1.4826;
 // Below, differences of depths have no meaning.
 constexpr double kMinSigma = 1e-6;
 // Weights of the field's smoothness against one point per node, from nearly
@@ -39,7 +38,7 @@ double MedianAbsolute(std::vector<double> values) {
 std::vector<double> CauchyWeights(const std::vector<double>& residuals) {
   const double width =
       kCauchyWidth *
-      std::max(kMinSigma, kSigmaPerMedian * MedianAbsolute(residuals));
+      std::max(kMinSigma, kStddevPerMad * MedianAbsolute(residuals));
   std::vector<double> weights;
   weights.reserve(residuals.size());
   for (const double residual : residuals) {

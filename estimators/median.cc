@@ -18,7 +18,7 @@ double Median(std::vector<double> values) {
 
 double RobustStddev(std::vector<double> values, double center) {
   for (double& value : values) value = std::abs(value - center);
-  return 1.4826 * Median(std::move(values));
+  return kStddevPerMad * Median(std::move(values));
 }
 
 }  // namespace dgsfm

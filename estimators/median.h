@@ -4,12 +4,19 @@
 
 namespace dgsfm {
 
+// Standard deviation of normally distributed values per median absolute
+// deviation.
+constexpr double kStddevPerMad = 1.4826;
+// Values farther off than this many standard deviations are outliers: three in
+// a thousand of a normal distribution.
+constexpr double kMaxDeviation = 3;
+
 // Median of the values; the mean of the middle two for an even number. Throws
 // std::invalid_argument if there are none.
 double Median(std::vector<double> values);
 
 // Standard deviation of normally distributed values by their median absolute
-// deviation from a centre: 1.4826 times it. Throws as Median does.
+// deviation from a centre. Throws as Median does.
 double RobustStddev(std::vector<double> values, double center);
 
 }  // namespace dgsfm

@@ -75,30 +75,6 @@ void TwoFocals(benchmark::State& state) {
 }
 BENCHMARK(TwoFocals);
 
-void CalibratedAffine(benchmark::State& state) {
-  RunSolver(
-      state,
-      [](std::mt19937_64* random) {
-        return CreateAffineProblem(/*calibrated=*/true, random);
-      },
-      [](const AffineDepthProblem& problem) {
-        return SolveCalibratedAffine(problem.Triplet());
-      });
-}
-BENCHMARK(CalibratedAffine);
-
-void TwoFocalsAffine(benchmark::State& state) {
-  RunSolver(
-      state,
-      [](std::mt19937_64* random) {
-        return CreateAffineProblem(/*calibrated=*/false, random);
-      },
-      [](const AffineDepthProblem& problem) {
-        return SolveTwoFocalsAffine(problem.quadruple);
-      });
-}
-BENCHMARK(TwoFocalsAffine);
-
 void FivePoints(benchmark::State& state) {
   const TwoViewScene scene = CreateTwoViewScene({}, FocalCase::KNOWN, 1);
   const DepthMatches& matches = scene.input.matches;

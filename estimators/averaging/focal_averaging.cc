@@ -79,8 +79,8 @@ bool ViewGraphCalibrationOptions::IsValid(std::string* error) const {
       .Above("loss_scale", loss_scale, 0)
       .AtLeast("max_num_iterations", max_num_iterations, 1)
       .Above("start_log_stddev", start_log_stddev, 0)
-      .Within("min_focal_ratio", min_focal_ratio, 1e-3, 1)
-      .Within("max_focal_ratio", max_focal_ratio, 1, 1e3)
+      .Within("min_focal_ratio", min_focal_ratio, 1e-3, 0.999)
+      .Within("max_focal_ratio", max_focal_ratio, 1.001, 1e3)
       .AreKept();
 }
 

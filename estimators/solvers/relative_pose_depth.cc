@@ -11,6 +11,9 @@
 namespace dgsfm {
 namespace {
 
+// The corners of the sides of a triangle.
+constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
+
 template <size_t N>
 using Polynomial = std::array<double, N>;  // c[0] + c[1] x + ...
 
@@ -65,12 +68,11 @@ struct SideEquations {
   std::array<double, 3> g1, h1, g2, h2;  // sides 12, 13, 23
 
   SideEquations(const DepthTriplet& in, bool shared_point_unit) {
-    constexpr double kThird = 1.0 / 3;
     for (int i = 0; i < 3; ++i) {
-      depth_unit1 += kThird * in.depths1[i];
-      depth_unit2 += kThird * in.depths2[i];
-      point_unit1 += kThird * in.points1[i].norm();
-      point_unit2 += kThird * in.points2[i].norm();
+      depth_unit1 += in.depths1[i] / 3;
+      depth_unit2 += in.depths2[i] / 3;
+      point_unit1 += in.points1[i].norm() / 3;
+      point_unit2 += in.points2[i].norm() / 3;
     }
     if (shared_point_unit) {
       point_unit1 = point_unit2 = (point_unit1 + point_unit2) / 2;
@@ -84,7 +86,6 @@ struct SideEquations {
       triplet.depths1[i] = in.depths1[i] * factors(2);
       triplet.depths2[i] = in.depths2[i] * factors(3);
     }
-    constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
     for (int k = 0; k < 3; ++k) {
       const auto [i, j] = kCorners[k];
       Coefficients(triplet.points1, triplet.depths1, i, j, &g1[k], &h1[k]);
@@ -126,7 +127,6 @@ struct SideEquations {
 void PolishDepths(const Eigen::Matrix3d& dots,
                   const Eigen::Vector3d& sq_sides,
                   Eigen::Vector3d* z) {
-  constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
   for (int step = 0; step < 2; ++step) {
     Eigen::Vector3d residual;
     Eigen::Matrix3d J = Eigen::Matrix3d::Zero();

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/LU>
-
 namespace dgsfm {
 namespace {
 
@@ -32,57 +30,6 @@ double DistanceToDepthRange(const Transfer& transfer,
   return (begin + std::min(std::max(along, 0.0), 1.0) * segment).norm();
 }
 
-// A transfer against the covariance of its errors; with j the derivative of the
-// projection by the log depth and a that of the log of the transferred depth,
-//   across the epipolar line: 2 px^2,
-//   along it and log depth ratio: [2 px^2 + |j|^2 sd^2, |j| a sd^2;
-//                                  ., (1 + a^2) sd^2].
-struct TransferTest {
-  bool position_agrees = false;
-  bool depth_agrees = false;
-  bool in_front = false;  // of the surface that the other map shows
-
-  TransferTest(const Transfer& transfer,
-               double focal_length_px,
-               const DepthConsistencyOptions& options) {
-    constexpr double kMaxSqDeviation = 9;
-    const double sq_px = 2 * options.stddev_px * options.stddev_px;
-    const double sq_depth = options.log_depth_stddev * options.log_depth_stddev;
-    const double inverse_z = 1 / transfer.point.z();
-    const double slope = transfer.ray.z() * inverse_z;
-    const Eigen::Vector2d shift =
-        focal_length_px * inverse_z *
-        (transfer.ray.head<2>() - slope * transfer.point.head<2>());
-    const double length = shift.norm();
-    const Eigen::Vector2d direction =
-        length > 0 ? Eigen::Vector2d(shift / length) : Eigen::Vector2d::UnitX();
-    const double along = direction.dot(transfer.error_px);
-    const double sq_across =
-        std::max(transfer.error_px.squaredNorm() - along * along, 0.0);
-    // Where along the line is a matter of depth.
-    position_agrees = sq_across < kMaxSqDeviation * sq_px;
-    Eigen::Matrix2d covariance;
-    covariance << sq_px + length * length * sq_depth, length * slope * sq_depth,
-        length * slope * sq_depth, (1 + slope * slope) * sq_depth;
-    const Eigen::Vector2d residual(along, transfer.log_depth_ratio);
-    depth_agrees =
-        residual.dot(covariance.inverse() * residual) < kMaxSqDeviation;
-    in_front = transfer.log_depth_ratio < 0;
-  }
-};
-
-DepthVerdict CombineTests(const TransferTest& forward,
-                          const TransferTest& backward) {
-  if (!forward.position_agrees || !backward.position_agrees) {
-    return DepthVerdict::INCONSISTENT;
-  }
-  if (forward.depth_agrees && backward.depth_agrees) {
-    return DepthVerdict::CONSISTENT;
-  }
-  return forward.in_front && backward.in_front ? DepthVerdict::INCONSISTENT
-                                               : DepthVerdict::OCCLUDED;
-}
-
 }  // namespace
 
 bool DepthConsistencyOptions::IsValid(std::string* error) const {
@@ -97,14 +44,6 @@ bool DepthConsistencyOptions::IsValid(std::string* error) const {
   };
   check(max_reprojection_error_px, "max_reprojection_error_px");
   check(max_depth_error_ratio, "max_depth_error_ratio");
-  check(stddev_px, "stddev_px");
-  if (!(log_depth_stddev >= 0)) {
-    ok = false;
-    if (error) {
-      *error += "log_depth_stddev = " + std::to_string(log_depth_stddev) +
-                " must be >= 0\n";
-    }
-  }
   return ok;
 }
 
@@ -157,9 +96,6 @@ std::vector<DepthVerdict> CheckDepthConsistency(
     if (!transfer(TransferDirection::FORWARD, &forward) ||
         !transfer(TransferDirection::BACKWARD, &backward)) {
       verdicts[i] = DepthVerdict::INCONSISTENT;
-    } else if (options.log_depth_stddev > 0) {
-      verdicts[i] = CombineTests(TransferTest(forward, model.focal2, options),
-                                 TransferTest(backward, model.focal1, options));
     } else {
       const bool consistent =
           passes(forward, model.focal2) && passes(backward, model.focal1);

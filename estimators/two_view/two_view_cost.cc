@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace dgsfm {
 namespace {
@@ -49,7 +50,7 @@ class LossSum {
     // Factors are at most 2, so that one logarithm serves many.
     const double factor = is_inlier ? 1 + sq_error / max_sq_error_ : 2;
     product_ *= factor;
-    if (product_ > kMaxProduct) Flush();
+    if (product_ > std::numeric_limits<double>::max() / 2) Flush();
     return is_inlier ? 1 / factor : 0;
   }
 
@@ -59,8 +60,6 @@ class LossSum {
   }
 
  private:
-  static constexpr double kMaxProduct = 1e300;
-
   void Flush() {
     sum_ += max_sq_error_ * std::log(product_);
     product_ = 1;
@@ -261,7 +260,6 @@ void TwoViewCostFunction::AddWhitenedRows(int i,
   if (!HasFields()) return;
   // The rows by the fields are (slope1 basis1, 0) and (slope2 basis1,
   // w22 basis2).
-  constexpr int kTerms = kNumDepthFieldTerms;
   const DepthFieldBasis& basis1 = basis1_[i];
   const DepthFieldBasis& basis2 = basis2_[i];
   const double slope1 = -whitening.w11 * whitening.shift;
@@ -273,16 +271,19 @@ void TwoViewCostFunction::AddWhitenedRows(int i,
   const DepthFieldBasis square2 = (weight * Square(whitening.w22)) * basis2;
   const TwoViewStep cross1 = weight * (slope1 * row1 + slope2 * row2);
   const TwoViewStep cross2 = (weight * whitening.w22) * row2;
-  for (int k = 0; k < kTerms; ++k) {
-    normal->field_matrix.col(k).head<kTerms>() += basis1(k) * square1;
-    normal->field_matrix.col(k).tail<kTerms>() += basis1(k) * mixed;
-    normal->field_matrix.col(kTerms + k).tail<kTerms>() += basis2(k) * square2;
+  for (int k = 0; k < kNumDepthFieldTerms; ++k) {
+    normal->field_matrix.col(k).head<kNumDepthFieldTerms>() +=
+        basis1(k) * square1;
+    normal->field_matrix.col(k).tail<kNumDepthFieldTerms>() +=
+        basis1(k) * mixed;
+    normal->field_matrix.col(kNumDepthFieldTerms + k)
+        .tail<kNumDepthFieldTerms>() += basis2(k) * square2;
     normal->cross.col(k) += basis1(k) * cross1;
-    normal->cross.col(kTerms + k) += basis2(k) * cross2;
+    normal->cross.col(kNumDepthFieldTerms + k) += basis2(k) * cross2;
   }
-  normal->field_gradient.head<kTerms>() +=
+  normal->field_gradient.head<kNumDepthFieldTerms>() +=
       (weight * (slope1 * residual(0) + slope2 * residual(1))) * basis1;
-  normal->field_gradient.tail<kTerms>() +=
+  normal->field_gradient.tail<kNumDepthFieldTerms>() +=
       (weight * whitening.w22 * residual(1)) * basis2;
 }
 

@@ -1,6 +1,7 @@
 #include "estimators/two_view/two_view_degeneracy.h"
 
 #include <array>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,7 @@ namespace dgsfm {
 namespace {
 
 constexpr double kMinShare = 0.8;
+constexpr int kNumRefinements = 3;
 
 // Indices of the matches with |H x1 - x2| below the bound.
 std::vector<int> FittingMatches(const TwoViewData& data,
@@ -97,8 +99,7 @@ bool IsPlanar(const TwoViewData& inliers,
               double max_error_px,
               SplitMix64* random) {
   constexpr int kNumTrials = 100;
-  constexpr int kMinNumMatches = 8;
-  if (inliers.Size() < kMinNumMatches) return false;
+  if (inliers.Size() < kMinNumInliers) return false;
   std::vector<int> best;
   Eigen::Matrix3d best_H = Eigen::Matrix3d::Identity();
   for (int trial = 0; trial < kNumTrials && !IsMost(best.size(), inliers);
@@ -114,8 +115,7 @@ bool IsPlanar(const TwoViewData& inliers,
     best = std::move(fitting);
     best_H = H;
   }
-  constexpr int kNumRefinements = 3;
-  for (int k = 0; k < kNumRefinements && best.size() >= kMinNumMatches; ++k) {
+  for (int k = 0; k < kNumRefinements && best.size() >= kMinNumInliers; ++k) {
     if (IsMost(best.size(), inliers)) return true;
     best_H /= best_H(2, 2);
     best_H = RefineHomography(inliers, best, best_H);
@@ -127,21 +127,18 @@ bool IsPlanar(const TwoViewData& inliers,
 bool IsRotationOnly(const TwoViewData& inliers,
                     const TwoViewModel& model,
                     double max_error_px) {
-  // The model's own rotation makes up for its translation.
-  constexpr int kNumRefinements = 3;
-  constexpr double kStartFactor = 3;
-  const auto fitting_matches = [&](const Eigen::Matrix3d& rotation,
-                                   double bound) {
+  const auto fitting_matches = [&](const Eigen::Matrix3d& rotation) {
     const Eigen::Matrix3d H =
         Eigen::Vector3d(model.focal2, model.focal2, 1).asDiagonal() * rotation *
         Eigen::Vector3d(1 / model.focal1, 1 / model.focal1, 1).asDiagonal();
-    return FittingMatches(inliers, H, bound);
+    return FittingMatches(inliers, H, max_error_px);
   };
-  std::vector<int> fitting =
-      fitting_matches(model.rotation, kStartFactor * max_error_px);
+  // The model's own rotation makes up for its translation, so that the start is
+  // the rotation of all matches.
+  std::vector<int> fitting(inliers.Size());
+  std::iota(fitting.begin(), fitting.end(), 0);
   for (int k = 0; k < kNumRefinements; ++k) {
-    fitting =
-        fitting_matches(FitRotation(inliers, fitting, model), max_error_px);
+    fitting = fitting_matches(FitRotation(inliers, fitting, model));
   }
   return IsMost(fitting.size(), inliers);
 }

@@ -8,6 +8,9 @@
 
 namespace dgsfm {
 
+// Smallest support that tells a model from a coincidence of its own sample.
+constexpr int kMinNumInliers = 8;
+
 // All tests look at the inliers of a model; each says yes if at least 80 % of
 // them fit a simpler explanation within `max_error_px` in the second image.
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -14,15 +15,10 @@
 namespace dgsfm {
 namespace {
 
-// Smallest support that tells a model from a coincidence of its own sample.
-constexpr int kMinNumInliers = 8;
-// What the depth fields leave of the errors of depth maps still varies slowly
-// over the image: a pair has no more than about this many independent ones.
-constexpr double kNumIndependentDepths = 10;
-// Focal lengths known better than this need no prior, ...
-constexpr double kMaxPriorFreeLogFocalStddev = 0.1;
-// ... and worse than this they are no evidence.
+// Focal lengths with a larger standard deviation are no evidence.
 constexpr double kMaxLogFocalStddev = 0.3;
+// Slowly varying errors of depth do not show in the scatter of the ratios.
+constexpr double kMinLogDepthStddev = 0.02;
 // A round of refinement.
 struct Round {
   // Share of the cost below which a decrease ends it.
@@ -31,10 +27,9 @@ struct Round {
   int max_num_matches;
 };
 
-constexpr Round kNoiseRound = {1e-4, 300};
-// Goes on until rounding stops it: the costs of the outliers hide the last of
-// the decrease.
-constexpr Round kLastRound = {1e-7, 1000};
+// The first estimates the noise. The last goes on until rounding stops it: the
+// costs of the outliers hide the last of the decrease.
+constexpr Round kRounds[] = {{1e-4, 300}, {1e-7, 1000}};
 
 // Standard deviation of the log depth of one map, over matches with depths.
 double DepthNoise(const TwoViewData& data,
@@ -93,17 +88,12 @@ class Finisher {
 // Noise of points and depths as the inliers of the model show it.
 TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
                                            bool with_depth) {
-  // Slowly varying errors do not show in the scatter of the ratios.
-  constexpr double kMinLogDepthStddev = 0.02;
-  constexpr double kMinStddevPerThreshold = 0.1;
+  // Exact points have next to no noise: outliers by chance within the threshold
+  // are far out of their model.
+  constexpr double kMinStddevPerThreshold = 1e-3;
   // Smooth errors of good networks have at least this standard deviation; those
-  // of others show in the noise and in the fields found, which the prior
-  // shrinks.
+  // of others show in the noise and in the fields found.
   constexpr double kMinFieldStddev = 0.05;
-  constexpr double kFieldShrinkage = 1.5;
-  // Outliers by chance within the threshold are far out of an exact model.
-  constexpr double kMaxEpipolarErrorPerStddev = 4;
-  constexpr double kMinMaxEpipolarErrorRatio = 1e-3;
   TwoViewCostOptions cost_options =
       problem_.CostOptions(problem_.SearchTerm(with_depth));
   cost_options.loss = TwoViewLoss::TRUNCATED_CAUCHY;
@@ -113,13 +103,11 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
   std::vector<double> errors_px;
   for (const int i : inliers) errors_px.push_back(data_.Sampson(F, i));
   if (!errors_px.empty()) {
-    const double stddev = RobustStddev(errors_px, 0);
-    cost_options.stddev_px = std::clamp(
-        stddev, kMinStddevPerThreshold * max_error, cost_options.stddev_px);
+    cost_options.stddev_px = std::clamp(RobustStddev(errors_px, 0),
+                                        kMinStddevPerThreshold * max_error,
+                                        cost_options.stddev_px);
     cost_options.max_epipolar_error_px =
-        std::clamp(kMaxEpipolarErrorPerStddev * stddev,
-                   kMinMaxEpipolarErrorRatio * max_error,
-                   max_error);
+        std::min(kMaxDeviation * cost_options.stddev_px, max_error);
   }
   int num_depths = 0;
   const double depth_noise =
@@ -132,8 +120,7 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
     cost_options.depth_field_stddev =
         std::max({kMinFieldStddev,
                   depth_noise_,
-                  kFieldShrinkage * fields_.norm() /
-                      std::sqrt(2.0 * kNumDepthFieldTerms)});
+                  fields_.norm() / std::sqrt(2.0 * kNumDepthFieldTerms)});
     cost_options.depth_field_unit1_px = problem_.ImageUnit1();
     cost_options.depth_field_unit2_px = problem_.ImageUnit2();
   }
@@ -146,14 +133,10 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
 TwoViewData Finisher::TrustedMatches(const TwoViewModel& model,
                                      double max_error_px,
                                      int max_num) const {
-  constexpr double kActiveRange = 2;
-  constexpr double kMaxDeviation = 4;
-  constexpr double kMinLogDepthStddev = 1e-3;
   const double max_log_ratio = kMaxDeviation * std::sqrt(2.0) *
                                std::max(depth_noise_, kMinLogDepthStddev);
   const Eigen::Matrix3d F = model.FundamentalMatrix();
-  const std::vector<int> near =
-      problem_.Near(model, kActiveRange * max_error_px, max_num);
+  const std::vector<int> near = problem_.Active(model, max_error_px, max_num);
   TwoViewData data = data_.Subset(near);
   for (int i = 0; i < data.Size(); ++i) {
     Transfer transfer;
@@ -182,14 +165,12 @@ void Finisher::CorrectDepths() {
 }
 
 void Finisher::Refine() {
-  constexpr int kNumRounds = 3;
   const FocalCase focal_case = problem_.Range().focal_case;
   TwoViewModel model = candidate_.model;
   TwoViewCostOptions cost_options;
   TwoViewData data;
   TwoViewRefinementOptions refinement_options;
-  for (int k = 1; k <= kNumRounds; ++k) {
-    const Round& round = k < kNumRounds ? kNoiseRound : kLastRound;
+  for (const Round& round : kRounds) {
     cost_options = EstimateNoise(model, candidate_.with_depth);
     data = TrustedMatches(
         model, cost_options.max_epipolar_error_px, round.max_num_matches);
@@ -202,13 +183,6 @@ void Finisher::Refine() {
   cost_options.focal_prior1 = cost_options.focal_prior2 = FocalPrior();
   covariance_ =
       EstimateCovariance(data, focal_case, cost_options, model, fields_);
-  if (focal_case != FocalCase::KNOWN &&
-      std::max(covariance_(kLogFocal1Param, kLogFocal1Param),
-               covariance_(kLogFocal2Param, kLogFocal2Param)) <
-          kMaxPriorFreeLogFocalStddev * kMaxPriorFreeLogFocalStddev) {
-    RefineModel(
-        data, focal_case, cost_options, refinement_options, &model, &fields_);
-  }
   // Refinement with a soft loss may trade inliers; a real loss means that it
   // has left the model that was found.
   constexpr double kMinKeptInliers = 0.9;
@@ -223,7 +197,6 @@ void Finisher::Refine() {
 // With known focal lengths and parallax the image points alone give the better
 // pose: errors of depth maps are smooth and do not average out.
 void Finisher::RefineWithoutDepth() {
-  constexpr int kMinNumPoints = 30;
   constexpr double kMinAngleRad = 3 * M_PI / 180;
   std::vector<double> angles;
   for (const int i : problem_.Inliers(candidate_.model)) {
@@ -231,20 +204,21 @@ void Finisher::RefineWithoutDepth() {
         IntersectRays(candidate_.model, data_.points1[i], data_.points2[i]);
     angles.push_back(intersection ? intersection->angle_rad : 0);
   }
-  if (angles.size() < kMinNumPoints || Median(angles) < kMinAngleRad) return;
+  if (angles.empty() || Median(angles) < kMinAngleRad) return;
   TwoViewModel model = candidate_.model;
   model.translation.normalize();
   const TwoViewCostOptions cost_options =
       EstimateNoise(model, /*with_depth=*/false);
   TwoViewRefinementOptions refinement_options;
-  refinement_options.min_relative_decrease = kLastRound.min_relative_decrease;
-  RefineModel(TrustedMatches(model,
-                             cost_options.max_epipolar_error_px,
-                             kLastRound.max_num_matches),
-              problem_.Range().focal_case,
-              cost_options,
-              refinement_options,
-              &model);
+  const Round& round = *std::rbegin(kRounds);
+  refinement_options.min_relative_decrease = round.min_relative_decrease;
+  RefineModel(
+      TrustedMatches(
+          model, cost_options.max_epipolar_error_px, round.max_num_matches),
+      problem_.Range().focal_case,
+      cost_options,
+      refinement_options,
+      &model);
   if (!model.IsFinite() || !problem_.AttachScale(&model)) return;
   const TwoViewCandidate refined = problem_.Evaluate(model, true);
   if (refined.score.cost <= candidate_.score.cost) candidate_ = refined;
@@ -253,9 +227,9 @@ void Finisher::RefineWithoutDepth() {
 // Whether the translation is zero by its covariance.
 bool IsWithinNoise(const Eigen::Vector3d& translation,
                    const TwoViewMatrix& covariance) {
-  constexpr double kMaxSqDeviation = 9;
   const Eigen::Matrix3d block = covariance.block<3, 3>(3, 3);
-  return translation.dot(block.ldlt().solve(translation)) < kMaxSqDeviation;
+  return translation.dot(block.ldlt().solve(translation)) <
+         kMaxDeviation * kMaxDeviation;
 }
 
 void Finisher::ReportCovariance(TwoViewDepthResult* result) const {

@@ -69,16 +69,16 @@ void Finish(const TwoViewProblem& problem,
             const TwoViewSearchResult& found,
             SplitMix64* random,
             TwoViewDepthResult* result) {
-  constexpr int kMinGain = 15;
   const bool has_depth = std::isfinite(found.with_depth.cost);
   const bool has_alternative = std::isfinite(found.without_depth.cost);
   double max_cost = std::numeric_limits<double>::infinity();
   if (has_depth &&
       (!has_alternative || problem.DepthsAreEvidence(found.with_depth.model))) {
     const double max_error_px = problem.Options().max_epipolar_error_px;
-    max_cost = FinishTwoViewModel(problem, found.with_depth, random, result)
-                   .score.cost -
-               kMinGain * max_error_px * max_error_px;
+    max_cost =
+        FinishTwoViewModel(problem, found.with_depth, random, result)
+            .score.cost -
+        problem.Options().min_num_depth_matches * max_error_px * max_error_px;
   }
   if (!has_alternative || found.without_depth.score.cost > max_cost) return;
   TwoViewDepthResult alternative;

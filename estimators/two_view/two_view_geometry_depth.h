@@ -61,7 +61,9 @@ struct TwoViewDepthOptions {
   // Range of plausible focal lengths, as multiples of the larger image side.
   double min_focal_length_ratio = 0.3;
   double max_focal_length_ratio = 4.0;
-  // Fewer matches with depth than this leave the depth-free estimators alone.
+  // Fewer matches with depth than this prove nothing: neither do samples with
+  // depth take part nor do depths fix a scale, and a model without depth has to
+  // gain so many matches over one with depth.
   int min_num_depth_matches = 15;
   // The published estimator (two_view_published.h) instead of this project's.
   // It makes exactly max_num_trials trials and uses neither the other limits

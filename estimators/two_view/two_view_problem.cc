@@ -13,9 +13,6 @@ namespace {
 
 // Matches are trusted to a fraction of the inlier threshold.
 constexpr double kStddevPerThreshold = 0.5;
-// Depth errors of a network vary slowly over an image: a pair has no more than
-// about this many independent ones, however many matches there are.
-constexpr double kNumIndependentDepths = 20;
 
 bool IsKnown(double depth) { return depth > 0 && std::isfinite(depth); }
 
@@ -132,6 +129,13 @@ std::vector<int> TwoViewProblem::Near(const TwoViewModel& model,
   return scorer_.Near(model.FundamentalMatrix(), max_error_px, max_num);
 }
 
+std::vector<int> TwoViewProblem::Active(const TwoViewModel& model,
+                                        double max_error_px,
+                                        int max_num) const {
+  constexpr double kActiveRange = 2;
+  return Near(model, kActiveRange * max_error_px, max_num);
+}
+
 std::vector<int> TwoViewProblem::Inliers(const TwoViewModel& model) const {
   const Cheirality is_in_front(model, options_.max_epipolar_error_px);
   std::vector<int> inliers =
@@ -147,30 +151,22 @@ std::vector<int> TwoViewProblem::Inliers(const TwoViewModel& model) const {
 }
 
 bool TwoViewProblem::DepthsAreEvidence(const TwoViewModel& model) const {
-  constexpr size_t kMinNumPoints = 15;
   constexpr double kMaxNoise = 0.25;
-  constexpr double kMaxNoisePerSpread = 0.7;
-  std::vector<double> log_ratios, log_depths1, log_depths2;
+  std::vector<double> log_ratios;
   for (const int i : Inliers(model)) {
     Transfer transfer;
     if (!data_.HasDepths(i) || !data_.Forward(model, i, &transfer)) continue;
     log_ratios.push_back(transfer.log_depth_ratio);
-    log_depths1.push_back(std::log(data_.depths1[i]));
-    log_depths2.push_back(std::log(data_.depths2[i]));
   }
-  if (log_ratios.size() < kMinNumPoints) return false;
-  const double noise = SpreadOf(log_ratios) / std::sqrt(2.0);
-  const double spread =
-      std::hypot(SpreadOf(log_depths1), SpreadOf(log_depths2)) / std::sqrt(2.0);
-  return noise < std::max(kMaxNoise, kMaxNoisePerSpread * spread);
+  return static_cast<int>(log_ratios.size()) >=
+             options_.min_num_depth_matches &&
+         SpreadOf(log_ratios) / std::sqrt(2.0) < kMaxNoise;
 }
 
 bool TwoViewProblem::AttachScale(TwoViewModel* model) const {
-  // So many triangulated points, with at least this angle between their rays,
-  // whose depth ratios agree.
-  constexpr size_t kMinNumPoints = 15;
+  // Points with a smaller angle between their rays have no depth of their own.
   constexpr double kMinAngleRad = 0.6 * M_PI / 180;
-  constexpr double kMaxDeviation = 0.5;
+  constexpr double kMaxLogDeviation = 0.5;
   std::vector<double> log_ratios1, log_ratios2;
   for (const int i : Inliers(*model)) {
     if (!data_.HasDepths(i)) continue;
@@ -180,13 +176,15 @@ bool TwoViewProblem::AttachScale(TwoViewModel* model) const {
     log_ratios1.push_back(std::log(data_.depths1[i] / intersection->depth1));
     log_ratios2.push_back(std::log(data_.depths2[i] / intersection->depth2));
   }
-  if (log_ratios1.size() < kMinNumPoints) return false;
+  if (static_cast<int>(log_ratios1.size()) < options_.min_num_depth_matches) {
+    return false;
+  }
   const double log_ratio1 = Median(log_ratios1);
   const double log_ratio2 = Median(log_ratios2);
   for (double& value : log_ratios1) value = std::abs(value - log_ratio1);
   for (double& value : log_ratios2) value = std::abs(value - log_ratio2);
-  if (Median(log_ratios1) > kMaxDeviation ||
-      Median(log_ratios2) > kMaxDeviation) {
+  if (Median(log_ratios1) > kMaxLogDeviation ||
+      Median(log_ratios2) > kMaxLogDeviation) {
     return false;
   }
   model->translation *= std::exp(log_ratio1);

@@ -15,6 +15,10 @@
 
 namespace dgsfm {
 
+// Depth errors of a network vary slowly over an image: a pair has no more than
+// about this many independent ones, however many matches there are.
+constexpr double kNumIndependentDepths = 10;
+
 struct TwoViewCandidate {
   TwoViewModel model;
   bool with_depth = false;
@@ -60,10 +64,15 @@ class TwoViewProblem {
   std::vector<int> Near(const TwoViewModel& model,
                         double max_error_px,
                         int max_num) const;
+  // The same for matches that may come within `max_error_px` as the model
+  // changes.
+  std::vector<int> Active(const TwoViewModel& model,
+                          double max_error_px,
+                          int max_num) const;
   std::vector<int> Inliers(const TwoViewModel& model) const;
 
   // Whether the depths agree with the model better than those of other points
-  // would: not if their noise is large, and nearly as large as their spread.
+  // would: not if their noise is large.
   bool DepthsAreEvidence(const TwoViewModel& model) const;
 
   // Scales a model without depth by the medians of its triangulated depths

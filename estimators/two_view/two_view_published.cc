@@ -7,10 +7,6 @@
 namespace dgsfm {
 namespace {
 
-constexpr double kNoBound = std::numeric_limits<double>::infinity();
-// Refinements end by their number of iterations or where rounding stops them.
-constexpr double kMinRelativeDecrease = 1e-10;
-
 // Points behind the cameras count only against models with known focal lengths.
 bool ChecksCheirality(const TwoViewProblem& problem) {
   return problem.Range().focal_case == FocalCase::KNOWN;
@@ -20,7 +16,8 @@ TwoViewScore Score(const TwoViewProblem& problem, const TwoViewModel& model) {
   const TwoViewScorer& scorer = problem.Scorer();
   return ChecksCheirality(problem)
              ? scorer.Score(model)
-             : scorer.Score(model.FundamentalMatrix(), kNoBound);
+             : scorer.Score(model.FundamentalMatrix(),
+                            std::numeric_limits<double>::infinity());
 }
 
 std::vector<int> Inliers(const TwoViewProblem& problem,
@@ -46,7 +43,8 @@ void Refine(const TwoViewProblem& problem,
             TwoViewModel* model) {
   TwoViewRefinementOptions options;
   options.max_num_iterations = max_num_iterations;
-  options.min_relative_decrease = kMinRelativeDecrease;
+  // The number of iterations or rounding ends it.
+  options.min_relative_decrease = 0;
   RefineModel(data, problem.Range().focal_case, cost_options, options, model);
 }
 
@@ -61,7 +59,7 @@ TwoViewModel Optimized(const TwoViewProblem& problem, TwoViewModel model) {
 std::unique_ptr<HypothesisSource> CreateSource(const TwoViewProblem& problem) {
   FocalRange any = problem.Range();
   any.min1 = any.min2 = 0;
-  any.max1 = any.max2 = kNoBound;
+  any.max1 = any.max2 = std::numeric_limits<double>::infinity();
   return CreateDepthHypothesisSource(problem.Data(), any, /*guess_interval=*/0);
 }
 

@@ -83,11 +83,7 @@ ReducedVector DampedStep(const ReducedMatrix& matrix,
 
 TwoViewModel Moved(const TwoViewModel& model,
                    DepthTerm depth_term,
-                   TwoViewStep step) {
-  // Longest step in log scale and log focal lengths: beyond it the
-  // linearisation says nothing.
-  constexpr double kMaxLogStep = 0.7;
-  step.tail<3>() = step.tail<3>().cwiseMax(-kMaxLogStep).cwiseMin(kMaxLogStep);
+                   const TwoViewStep& step) {
   TwoViewModel moved = Retract(model, step);
   if (depth_term == DepthTerm::NONE) moved.translation.normalize();
   return moved;

@@ -15,10 +15,12 @@
 
 namespace dgsfm {
 
-constexpr int kNumTwoViewParams = 9;
-constexpr int kLogScaleParam = 6;
-constexpr int kLogFocal1Param = 7;
-constexpr int kLogFocal2Param = 8;
+enum TwoViewParam {
+  kLogScaleParam = 6,
+  kLogFocal1Param,
+  kLogFocal2Param,
+  kNumTwoViewParams
+};
 
 using TwoViewStep = Eigen::Matrix<double, kNumTwoViewParams, 1>;
 

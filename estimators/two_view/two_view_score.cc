@@ -60,7 +60,7 @@ TwoViewScorer::TwoViewScorer(const TwoViewData& data, double max_error_px)
 TwoViewScorer::Values TwoViewScorer::SqErrors(const Eigen::Matrix3f& F,
                                               int begin) const {
   // Keeps 0 / 0 (F = 0 of a pure rotation) from becoming NaN.
-  constexpr float kMinSqNorm = 1e-35f;
+  const float min_sq_norm = std::numeric_limits<float>::min();
   const auto x1 = x1_.segment<kBlock>(begin);
   const auto y1 = y1_.segment<kBlock>(begin);
   const auto x2 = x2_.segment<kBlock>(begin);
@@ -72,8 +72,8 @@ TwoViewScorer::Values TwoViewScorer::SqErrors(const Eigen::Matrix3f& F,
   const Values value =
       a0 * x2 + a1 * y2 + (F(2, 0) * x1 + F(2, 1) * y1 + F(2, 2));
   if (covariances1_.size() == 0) {
-    return value.square() /
-           (a0.square() + a1.square() + b0.square() + b1.square() + kMinSqNorm);
+    return value.square() / (a0.square() + a1.square() + b0.square() +
+                             b1.square() + min_sq_norm);
   }
   const auto sq_norm = [begin](const Eigen::ArrayX3f& covariances,
                                const Values& u,
@@ -83,7 +83,7 @@ TwoViewScorer::Values TwoViewScorer::SqErrors(const Eigen::Matrix3f& F,
            covariances.col(2).segment<kBlock>(begin) * v.square();
   };
   return value.square() / (sq_norm(covariances2_, a0, a1) +
-                           sq_norm(covariances1_, b0, b1) + kMinSqNorm);
+                           sq_norm(covariances1_, b0, b1) + min_sq_norm);
 }
 
 std::vector<int> TwoViewScorer::Near(const Eigen::Matrix3d& F,

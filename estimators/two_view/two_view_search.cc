@@ -23,19 +23,21 @@ struct Round {
 
 // Minimal models of noisy depths are off by much more than the inlier
 // threshold: a wide basin first brings them in.
-constexpr Round kDepthRounds[] = {{16, 3, 100, false},
-                                  {8, 3, 100, false},
-                                  {4, 3, 100, true},
-                                  {2, 4, 200, true},
-                                  {1, 5, 300, true}};
-constexpr Round kEpipolarRounds[] = {
-    {4, 3, 100, true}, {2, 4, 200, true}, {1, 5, 300, true}};
-// Samples with guessed focal lengths may be far off, too.
-constexpr Round kGuessRounds[] = {{16, 3, 100, true},
-                                  {4, 3, 100, true},
-                                  {2, 4, 200, true},
-                                  {1, 5, 300, true}};
-constexpr Round kAttachedRounds[] = {{2, 3, 200, true}, {1, 4, 300, true}};
+constexpr Round kRounds[] = {{16, 3, 100, false},
+                             {8, 3, 100, false},
+                             {4, 3, 100, true},
+                             {2, 4, 200, true},
+                             {1, 5, 300, true}};
+
+// The first round of each kind of start. Models of samples with depth or with
+// guessed focal lengths may be far off, models whose scale was attached have
+// been optimized without depth.
+enum FirstRound {
+  FROM_DEPTH = 0,
+  FROM_GUESS = 0,
+  FROM_POINTS = 2,
+  ATTACHED = 3
+};
 
 class Search {
  public:
@@ -55,9 +57,8 @@ class Search {
 
   void Try(Stream* stream);
   void OptimizeBest(Stream* stream);
-  template <size_t N>
-  TwoViewCandidate Optimize(const TwoViewModel& model,
-                            const Round (&rounds)[N],
+  TwoViewCandidate Optimize(const TwoViewModel& start,
+                            FirstRound first_round,
                             bool with_depth) const;
   void OptimizeWithDepth(const TwoViewModel& model);
   void OptimizeWithoutDepth(const TwoViewModel& model);
@@ -161,7 +162,7 @@ void Search::OptimizeBest(Stream* stream) {
       OptimizeWithoutDepth(model);
       if (stream->best.model.focal1 > 0 &&
           problem_.Range().focal_case != FocalCase::KNOWN) {
-        Keep(Optimize(model, kGuessRounds, false));
+        Keep(Optimize(model, FROM_GUESS, false));
       }
     } else {
       OptimizeWithDepth(model);
@@ -171,41 +172,34 @@ void Search::OptimizeBest(Stream* stream) {
 
 void Search::OptimizeWithDepth(const TwoViewModel& model) {
   Keep(problem_.Evaluate(model, true));
-  Keep(Optimize(model, kDepthRounds, true));
+  Keep(Optimize(model, FROM_DEPTH, true));
 }
 
 void Search::OptimizeWithoutDepth(const TwoViewModel& model) {
-  const TwoViewCandidate candidate = Optimize(model, kEpipolarRounds, false);
+  const TwoViewCandidate candidate = Optimize(model, FROM_POINTS, false);
   Keep(candidate);
   TwoViewModel scaled = candidate.model;
   if (problem_.NumDepthMatches() > 0 && problem_.AttachScale(&scaled)) {
-    Keep(Optimize(scaled, kAttachedRounds, true));
+    Keep(Optimize(scaled, ATTACHED, true));
   }
 }
 
-template <size_t N>
 TwoViewCandidate Search::Optimize(const TwoViewModel& start,
-                                  const Round (&rounds)[N],
+                                  FirstRound first_round,
                                   bool with_depth) const {
-  // Wrong depths are many times their noise off, they need no wider basin.
-  constexpr double kMaxDepthWidening = 4;
-  // Matches beyond the threshold by less than this may come within it.
-  constexpr double kActiveRange = 2;
   TwoViewModel model = start;
-  for (const Round& round : rounds) {
+  for (size_t k = first_round; k < std::size(kRounds); ++k) {
+    const Round& round = kRounds[k];
     TwoViewCostOptions cost_options =
         problem_.CostOptions(problem_.SearchTerm(with_depth));
     cost_options.max_epipolar_error_px *= round.widening;
-    cost_options.max_depth_residual *=
-        std::min(round.widening, kMaxDepthWidening);
+    cost_options.max_depth_residual *= round.widening;
     if (round.capped) cost_options.log_depth_stddev *= problem_.DepthCap();
     TwoViewRefinementOptions refinement_options;
     refinement_options.max_num_iterations = round.max_num_iterations;
     refinement_options.min_relative_decrease = 1e-3;
-    const std::vector<int> active =
-        problem_.Near(model,
-                      kActiveRange * cost_options.max_epipolar_error_px,
-                      round.max_num_matches);
+    const std::vector<int> active = problem_.Active(
+        model, cost_options.max_epipolar_error_px, round.max_num_matches);
     RefineModel(problem_.Data().Subset(active),
                 problem_.Range().focal_case,
                 cost_options,

@@ -75,8 +75,7 @@ TEST(MapperReport, HasTheDocumentedKeys) {
                  "log_spread": 0.1, "prior": [500.0, 320.0, 240.0],
                  "prior_stddevs": [null, 0.0, 0.0],
                  "posterior": [505.0, 320.0, 240.0],
-                 "posterior_stddevs": [2.0, 0.0, 0.0], "group": 1,
-                 "group_stddevs": []}],
+                 "posterior_stddevs": [2.0, 0.0, 0.0], "group": 1}],
     "images": [
       {"name": "photo \"1\".jpg", "registered": true, "depth_scale": 2.0},
       {"name": "photo \"2\".jpg", "registered": false,

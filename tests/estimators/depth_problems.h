@@ -2,7 +2,6 @@
 
 #pragma once
 
-#include "estimators/solvers/relative_pose_affine_depth.h"
 #include "estimators/solvers/relative_pose_depth.h"
 
 #include <algorithm>
@@ -72,80 +71,6 @@ inline double BestDistance(const TwoViewModels& models,
   double best = std::numeric_limits<double>::infinity();
   for (int i = 0; i < models.count; ++i) {
     best = std::min(best, Distance(models.values[i], truth));
-  }
-  return best;
-}
-
-struct AffineDepthProblem {
-  DepthQuadruple quadruple;
-  AffineDepthModel truth;
-
-  DepthTriplet Triplet() const {
-    DepthTriplet triplet;
-    for (int i = 0; i < 3; ++i) {
-      triplet.points1[i] = quadruple.points1[i];
-      triplet.points2[i] = quadruple.points2[i];
-      triplet.depths1[i] = quadruple.depths1[i];
-      triplet.depths2[i] = quadruple.depths2[i];
-    }
-    return triplet;
-  }
-};
-
-// Any rotation, depths 0.1 to 10, scale 0.1 to 10, shifts -0.5 to 2 of map
-// depths above 0.05, points within a field of view of about 70 degrees.
-inline AffineDepthProblem CreateAffineProblem(bool calibrated,
-                                              std::mt19937_64* random) {
-  const auto uniform = [&](double min, double max) {
-    return std::uniform_real_distribution<double>(min, max)(*random);
-  };
-  while (true) {
-    AffineDepthProblem problem;
-    TwoViewModel& truth = problem.truth.model;
-    if (!calibrated) {
-      truth.focal1 = uniform(0.5, 5);
-      truth.focal2 = uniform(0.5, 5);
-    }
-    truth.scale = uniform(0.1, 10);
-    problem.truth.shift1 = uniform(-0.5, 2);
-    problem.truth.shift2 = uniform(-0.5, 2);
-    const Eigen::Vector4d q(
-        uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(-1, 1));
-    truth.rotation = Eigen::Quaterniond(q.normalized()).toRotationMatrix();
-    truth.translation << uniform(-2, 2), uniform(-2, 2), uniform(-2, 2);
-    bool visible = true;
-    for (int i = 0; i < 4; ++i) {
-      const double z1 = uniform(0.1, 10);
-      const Eigen::Vector3d ray(uniform(-0.7, 0.7), uniform(-0.7, 0.7), 1);
-      const Eigen::Vector3d point2 =
-          truth.rotation * (z1 * ray) + truth.translation;
-      visible = visible && point2.z() > 0.05;
-      problem.quadruple.points1[i] = truth.focal1 * ray.head<2>();
-      problem.quadruple.points2[i] = truth.focal2 * point2.hnormalized();
-      problem.quadruple.depths1[i] = z1 - problem.truth.shift1;
-      problem.quadruple.depths2[i] =
-          point2.z() / truth.scale - problem.truth.shift2;
-      visible = visible && problem.quadruple.depths1[i] > 0.05 &&
-                problem.quadruple.depths2[i] > 0.05;
-    }
-    if (visible) return problem;
-  }
-}
-
-inline double BestDistance(const AffineDepthModels& models,
-                           const AffineDepthModel& truth) {
-  double best = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < models.count; ++i) {
-    const AffineDepthModel& a = models.values[i];
-    best =
-        std::min(best,
-                 (a.model.rotation - truth.model.rotation).norm() +
-                     (a.model.translation - truth.model.translation).norm() +
-                     std::abs(std::log(a.model.scale / truth.model.scale)) +
-                     std::abs(std::log(a.model.focal1 / truth.model.focal1)) +
-                     std::abs(std::log(a.model.focal2 / truth.model.focal2)) +
-                     std::abs(a.shift1 - truth.shift1) +
-                     std::abs(a.shift2 - truth.shift2));
   }
   return best;
 }

@@ -2,8 +2,9 @@
 
 #include "tests/estimators/two_view_scene.h"
 
-#include <algorithm>
 #include <stdexcept>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -84,71 +85,6 @@ TEST(DepthConsistency, DepthErrorExplainsPositionAlongEpipolarLineOnly) {
   EXPECT_EQ(check(true)[0], DepthVerdict::CONSISTENT);
   EXPECT_EQ(check(true)[1], DepthVerdict::INCONSISTENT);
   EXPECT_EQ(check(false)[0], DepthVerdict::INCONSISTENT);
-}
-
-TEST(DepthConsistency, CovarianceTestKeepsMatchesWithinTheNoise) {
-  TwoViewSceneOptions scene_options;
-  scene_options.outlier_ratio = 0;
-  scene_options.bad_depth_ratio = 0;
-  scene_options.log_depth_stddev = 0.05;
-  const TwoViewScene scene = CreateTwoViewScene(scene_options, 8);
-  DepthConsistencyOptions options;
-  // Smooth errors as large as the noise add to it.
-  options.log_depth_stddev = 0.1;
-  const auto check = [&](const DepthMatches& matches) {
-    return CheckDepthConsistency(
-        matches,
-        Rigid3d(Eigen::Quaterniond(scene.truth.rotation),
-                scene.truth.translation),
-        scene.truth.scale,
-        scene.truth.focal1,
-        scene.truth.focal2,
-        options);
-  };
-  DepthMatches matches = scene.input.matches;
-  const auto count = [](const std::vector<DepthVerdict>& verdicts,
-                        DepthVerdict verdict) {
-    return std::count(verdicts.begin(), verdicts.end(), verdict);
-  };
-  const auto size = static_cast<double>(matches.points1.size());
-  // 99 % of a Gaussian.
-  EXPECT_GE(count(check(matches), DepthVerdict::CONSISTENT), 0.97 * size);
-  // A surface in front of the point, in image 2: half of its depth.
-  for (double& depth : matches.depths2) depth *= 0.5;
-  EXPECT_GE(count(check(matches), DepthVerdict::OCCLUDED) +
-                count(check(matches), DepthVerdict::INCONSISTENT),
-            0.97 * size);
-  EXPECT_GT(count(check(matches), DepthVerdict::OCCLUDED), 0);
-  // Off the epipolar line nothing helps.
-  for (Eigen::Vector2d& point : matches.points2) {
-    point += Eigen::Vector2d(300, -300);
-  }
-  EXPECT_EQ(count(check(matches), DepthVerdict::CONSISTENT), 0);
-}
-
-TEST(DepthConsistency, PointSeenThroughIsImpossible) {
-  // Cameras that face each other over a distance of 10: a point half-way, the
-  // two sides of an object, and two points that the other view looks through.
-  TwoViewModel model;
-  model.rotation = Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY());
-  model.translation.z() = 10;
-  model.focal1 = model.focal2 = 500;
-  DepthMatches matches;
-  matches.points1 = matches.points2 = {{0, 0}, {0, 0}, {0, 0}};
-  matches.depths1 = {5, 3, 7};
-  matches.depths2 = {5, 3, 7};
-  DepthConsistencyOptions options;
-  options.log_depth_stddev = 0.05;
-  const auto verdicts = CheckDepthConsistency(
-      matches,
-      Rigid3d(Eigen::Quaterniond(model.rotation), model.translation),
-      model.scale,
-      model.focal1,
-      model.focal2,
-      options);
-  EXPECT_EQ(verdicts[0], DepthVerdict::CONSISTENT);
-  EXPECT_EQ(verdicts[1], DepthVerdict::OCCLUDED);
-  EXPECT_EQ(verdicts[2], DepthVerdict::INCONSISTENT);
 }
 
 TEST(DepthConsistency, PointBehindTheOtherCameraIsInconsistent) {
