@@ -118,8 +118,7 @@ void PairGeometry::DropScale() {
   has_scale = false;
   scale_1_from_2 = 1;
   cam2_from_cam1.translation.stableNormalize();
-  covariance.middleRows<4>(3).setZero();
-  covariance.middleCols<4>(3).setZero();
+  log_scale_stddev = 0;
 }
 
 }  // namespace dgsfm

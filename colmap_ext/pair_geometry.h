@@ -94,10 +94,8 @@ struct PairGeometry {
   bool estimated_focal1 = false;
   bool estimated_focal2 = false;
   uint32_t degeneracies = 0;
-  // Covariance of, in this order: rotation w [rad] (R <- exp(w) R), translation
-  // [its unit], log scale_1_from_2, log focal length 1, log focal length 2; all
-  // zero if unknown. Rows of what is given, or has no meaning, are zero.
-  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
+  // Standard deviation of log scale_1_from_2 [1]; 0 if unknown.
+  double log_scale_stddev = 0;
   // Matches put into the estimation.
   size_t num_matches = 0;
   // Matches that agree with the relative pose, and (same length) whether both

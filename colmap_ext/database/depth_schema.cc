@@ -5,11 +5,11 @@
 namespace dgsfm {
 namespace {
 
-constexpr int64_t kVersion = 3;
+constexpr int64_t kVersion = 4;
 
 constexpr char kCreateDepthTables[] = R"(
 CREATE TABLE dgsfm_schema (version INTEGER NOT NULL);
-INSERT INTO dgsfm_schema VALUES (3);
+INSERT INTO dgsfm_schema VALUES (4);
 CREATE TABLE dgsfm_depth_maps (
   image_id INTEGER PRIMARY KEY NOT NULL
            REFERENCES images(image_id) ON DELETE CASCADE,
@@ -41,7 +41,7 @@ CREATE TABLE dgsfm_pair_geometries (
   estimated_focal1 INTEGER NOT NULL,
   estimated_focal2 INTEGER NOT NULL,
   degeneracies     INTEGER NOT NULL,
-  covariance       BLOB NOT NULL,
+  log_scale_stddev REAL NOT NULL,
   num_matches      INTEGER NOT NULL,
   rows             INTEGER NOT NULL,
   matches          BLOB NOT NULL,
@@ -65,7 +65,6 @@ CREATE TABLE IF NOT EXISTS dgsfm_displayed_images (
 constexpr char kUpdateFromVersion1[] = R"(
 ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN focal_length REAL NOT NULL DEFAULT 0;
-DROP TABLE dgsfm_pair_geometries;
 )";
 
 constexpr char kUpdateFromVersion2[] = R"(
@@ -73,7 +72,13 @@ ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN keypoints_fingerprint INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN source_fingerprint INTEGER NOT NULL DEFAULT 0;
-UPDATE dgsfm_schema SET version = 3;
+)";
+
+// What earlier versions of the program found about pairs does not hold any
+// more.
+constexpr char kUpdatePairs[] = R"(
+DROP TABLE dgsfm_pair_geometries;
+UPDATE dgsfm_schema SET version = 4;
 )";
 
 // 0 without tables.
@@ -91,7 +96,7 @@ bool HasDepthTables(const SqliteConnection& connection) {
   throw connection.Error()
       << "its depth tables have version " << version
       << ", this program uses version " << kVersion
-      << (version == 1 || version == 2
+      << (version >= 1 && version < kVersion
               ? "; run depth_geometric_verifier, which brings them up to date"
               : "; use the version of the program that wrote them");
 }
@@ -111,13 +116,12 @@ void CreateDisplayedImageTable(const SqliteConnection& connection) {
 
 void UpdateDepthTables(const SqliteConnection& connection) {
   const int64_t version = TablesVersion(connection);
-  if (version != 1 && version != 2) return;
+  if (version < 1 || version >= kVersion) return;
   SqliteTransaction transaction(connection, SqliteTransaction::Kind::WRITE);
-  if (version == 1) {
-    connection.Execute(kUpdateFromVersion1);
-    connection.Execute(kCreatePairTable);
-  }
-  connection.Execute(kUpdateFromVersion2);
+  if (version < 2) connection.Execute(kUpdateFromVersion1);
+  if (version < 3) connection.Execute(kUpdateFromVersion2);
+  connection.Execute(kUpdatePairs);
+  connection.Execute(kCreatePairTable);
   transaction.Commit();
 }
 

@@ -8,33 +8,6 @@
 namespace dgsfm {
 namespace {
 
-// Entries on and below the diagonal of the covariance.
-constexpr size_t kNumCovarianceEntries = 45;
-
-std::vector<double> PackCovariance(
-    const Eigen::Matrix<double, 9, 9>& covariance) {
-  std::vector<double> packed;
-  if (covariance.isZero(0)) return packed;
-  packed.reserve(kNumCovarianceEntries);
-  for (int row = 0; row < 9; ++row) {
-    for (int col = 0; col <= row; ++col) packed.push_back(covariance(row, col));
-  }
-  return packed;
-}
-
-Eigen::Matrix<double, 9, 9> UnpackCovariance(
-    const std::vector<double>& packed) {
-  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
-  if (packed.empty()) return covariance;
-  size_t i = 0;
-  for (int row = 0; row < 9; ++row) {
-    for (int col = 0; col <= row; ++col) {
-      covariance(row, col) = covariance(col, row) = packed[i++];
-    }
-  }
-  return covariance;
-}
-
 std::vector<uint32_t> FlattenMatches(const colmap::FeatureMatches& matches) {
   std::vector<uint32_t> flat;
   flat.reserve(2 * matches.size());
@@ -62,7 +35,9 @@ void CheckPairGeometry(const PairGeometry& geometry) {
     DGSFM_CHECK(std::isfinite(focal_length_px) && focal_length_px >= 0)
         << focal_length_px;
   }
-  DGSFM_CHECK(geometry.covariance.allFinite());
+  DGSFM_CHECK(std::isfinite(geometry.log_scale_stddev) &&
+              geometry.log_scale_stddev >= 0)
+      << geometry.log_scale_stddev;
   DGSFM_CHECK(geometry.depth_verified.size() == geometry.inlier_matches.size());
 }
 
@@ -70,8 +45,9 @@ PairGeometryInserter::PairGeometryInserter(const SqliteConnection& connection)
     : insert_(connection,
               "INSERT OR REPLACE INTO dgsfm_pair_geometries(pair_id, status, "
               "qvec, tvec, has_scale, scale, focal1, focal2, "
-              "estimated_focal1, estimated_focal2, degeneracies, covariance, "
-              "num_matches, rows, matches, depth_verified, fingerprint) VALUES "
+              "estimated_focal1, estimated_focal2, degeneracies, "
+              "log_scale_stddev, num_matches, rows, matches, depth_verified, "
+              "fingerprint) VALUES "
               "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)") {}
 
 void PairGeometryInserter::Insert(colmap::image_pair_t pair_id,
@@ -89,7 +65,7 @@ void PairGeometryInserter::Insert(colmap::image_pair_t pair_id,
       .BindInt(9, geometry.estimated_focal1)
       .BindInt(10, geometry.estimated_focal2)
       .BindInt(11, geometry.degeneracies)
-      .BindBlob(12, PackCovariance(geometry.covariance))
+      .BindDouble(12, geometry.log_scale_stddev)
       .BindInt(13, static_cast<int64_t>(geometry.num_matches))
       .BindInt(14, static_cast<int64_t>(geometry.inlier_matches.size()))
       .BindBlob(15, FlattenMatches(geometry.inlier_matches))
@@ -101,19 +77,20 @@ void PairGeometryInserter::Insert(colmap::image_pair_t pair_id,
 // Joined by the ids in the pair id, images that have been deleted drop out.
 PairGeometryCursor::PairGeometryCursor(const SqliteConnection& connection)
     : connection_(connection),
-      select_(connection,
-              "SELECT pair_id, status, qvec, tvec, has_scale, scale, focal1, "
-              "focal2, estimated_focal1, estimated_focal2, degeneracies, "
-              "covariance, num_matches, pairs.rows, matches, depth_verified, "
-              "fingerprint, image1.name, image2.name, "
-              "coalesce(keypoints1.rows, 0), coalesce(keypoints2.rows, 0) "
-              "FROM dgsfm_pair_geometries AS pairs "
-              "JOIN images AS image1 ON image1.image_id = pair_id / 2147483647 "
-              "JOIN images AS image2 ON image2.image_id = pair_id % 2147483647 "
-              "LEFT JOIN keypoints AS keypoints1 "
-              "ON keypoints1.image_id = image1.image_id "
-              "LEFT JOIN keypoints AS keypoints2 "
-              "ON keypoints2.image_id = image2.image_id ORDER BY pair_id") {}
+      select_(
+          connection,
+          "SELECT pair_id, status, qvec, tvec, has_scale, scale, focal1, "
+          "focal2, estimated_focal1, estimated_focal2, degeneracies, "
+          "log_scale_stddev, num_matches, pairs.rows, matches, depth_verified, "
+          "fingerprint, image1.name, image2.name, "
+          "coalesce(keypoints1.rows, 0), coalesce(keypoints2.rows, 0) "
+          "FROM dgsfm_pair_geometries AS pairs "
+          "JOIN images AS image1 ON image1.image_id = pair_id / 2147483647 "
+          "JOIN images AS image2 ON image2.image_id = pair_id % 2147483647 "
+          "LEFT JOIN keypoints AS keypoints1 "
+          "ON keypoints1.image_id = image1.image_id "
+          "LEFT JOIN keypoints AS keypoints2 "
+          "ON keypoints2.image_id = image2.image_id ORDER BY pair_id") {}
 
 colmap::image_pair_t PairGeometryCursor::PairId() const {
   return static_cast<colmap::image_pair_t>(select_.Int(0));
@@ -126,7 +103,6 @@ std::string PairGeometryCursor::PairName() const {
 PairGeometry PairGeometryCursor::Geometry() const {
   const auto qvec = select_.Blob<double>(2);
   const auto tvec = select_.Blob<double>(3);
-  const auto covariance = select_.Blob<double>(11);
   const auto matches = select_.Blob<uint32_t>(14);
   const size_t num_rows = matches.size() / 2;
   const auto fail = [&](const std::string& problem) {
@@ -135,7 +111,6 @@ PairGeometry PairGeometryCursor::Geometry() const {
         << "; run depth_geometric_verifier with --restart 1";
   };
   if (qvec.size() != 4 || tvec.size() != 3 ||
-      (!covariance.empty() && covariance.size() != kNumCovarianceEntries) ||
       select_.Int(13) != static_cast<int64_t>(num_rows)) {
     fail("damaged geometry");
   }
@@ -150,7 +125,7 @@ PairGeometry PairGeometryCursor::Geometry() const {
   geometry.estimated_focal1 = select_.Int(8) != 0;
   geometry.estimated_focal2 = select_.Int(9) != 0;
   geometry.degeneracies = static_cast<uint32_t>(select_.Int(10));
-  geometry.covariance = UnpackCovariance(covariance);
+  geometry.log_scale_stddev = select_.Double(11);
   geometry.num_matches = static_cast<size_t>(select_.Int(12));
   geometry.depth_verified = select_.Blob<uint8_t>(15);
   geometry.fingerprint = static_cast<uint64_t>(select_.Int(16));

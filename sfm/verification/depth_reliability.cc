@@ -12,13 +12,11 @@ namespace {
 // maps 0.1.
 constexpr double kMaxLogScaleStddev = 0.05;
 constexpr int kMinNumContradictions = 2;
-// Row of the log scale in a pair's covariance.
-constexpr int kLogScaleRow = 6;
 
 bool Confirms(const PairGeometry& pair) {
-  const double variance = pair.covariance(kLogScaleRow, kLogScaleRow);
-  return pair.status == PairStatus::VALID && pair.has_scale && variance > 0 &&
-         variance < kMaxLogScaleStddev * kMaxLogScaleStddev;
+  return pair.status == PairStatus::VALID && pair.has_scale &&
+         pair.log_scale_stddev > 0 &&
+         pair.log_scale_stddev < kMaxLogScaleStddev;
 }
 
 }  // namespace

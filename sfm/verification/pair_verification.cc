@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
 #include "estimators/option_check.h"
+#include "estimators/two_view/two_view_residuals.h"
 #include "sfm/verification/centered_point.h"
 
 #include <algorithm>
@@ -137,8 +138,8 @@ void CopyGeometry(const TwoViewDepthResult& result, PairGeometry* pair) {
   pair->estimated_focal1 = result.estimated_focal1;
   pair->estimated_focal2 = result.estimated_focal2;
   if (result.has_covariance) {
-    // Symmetric to the last bit, as it is stored.
-    pair->covariance = result.covariance.selfadjointView<Eigen::Lower>();
+    pair->log_scale_stddev =
+        std::sqrt(result.covariance(kLogScaleParam, kLogScaleParam));
   }
   const TwoViewDegeneracy& degeneracy = result.degeneracy;
   if (degeneracy.planar) pair->Set(PairDegeneracy::PLANAR);

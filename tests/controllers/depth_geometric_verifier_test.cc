@@ -96,7 +96,7 @@ TEST_F(DepthGeometricVerifier, StoresWhatVerificationInMemoryGives) {
     EXPECT_EQ(stored.at(pair_id).status, pair.status);
     EXPECT_EQ(stored.at(pair_id).cam2_from_cam1.translation,
               pair.cam2_from_cam1.translation);
-    EXPECT_EQ(stored.at(pair_id).covariance, pair.covariance);
+    EXPECT_EQ(stored.at(pair_id).log_scale_stddev, pair.log_scale_stddev);
   }
 }
 

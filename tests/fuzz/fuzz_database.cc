@@ -25,7 +25,7 @@ const char* const kUpdates[] = {
     "UPDATE dgsfm_pair_geometries SET matches = ?1, rows = ?2",
     "UPDATE dgsfm_pair_geometries SET qvec = ?1, status = ?2",
     "UPDATE dgsfm_pair_geometries SET tvec = ?1, degeneracies = ?2",
-    "UPDATE dgsfm_pair_geometries SET covariance = ?1, has_scale = ?2",
+    "UPDATE dgsfm_pair_geometries SET log_scale_stddev = ?1, has_scale = ?2",
     "UPDATE dgsfm_pair_geometries SET depth_verified = ?1, num_matches = ?2",
     "UPDATE dgsfm_pair_geometries SET matches = matches || ?1, pair_id = ?2",
     "UPDATE keypoints SET data = ?1, rows = ?2",

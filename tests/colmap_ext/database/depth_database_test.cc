@@ -40,11 +40,7 @@ PairGeometry TestPairGeometry() {
   geometry.estimated_focal2 = true;
   geometry.Set(PairDegeneracy::PLANAR);
   geometry.Set(PairDegeneracy::WEAK_FOCAL1);
-  for (int i = 0; i < 9; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      geometry.covariance(i, j) = geometry.covariance(j, i) = 10.1 * i + j;
-    }
-  }
+  geometry.log_scale_stddev = 0.1;
   geometry.fingerprint = 0xFEDCBA9876543210;
   geometry.num_matches = 7;
   geometry.inlier_matches = {{2, 0}, {0, 1}};
@@ -64,7 +60,7 @@ void ExpectEqual(const PairGeometry& a, const PairGeometry& b) {
   EXPECT_EQ(a.estimated_focal1, b.estimated_focal1);
   EXPECT_EQ(a.estimated_focal2, b.estimated_focal2);
   EXPECT_EQ(a.degeneracies, b.degeneracies);
-  EXPECT_EQ(a.covariance, b.covariance);
+  EXPECT_EQ(a.log_scale_stddev, b.log_scale_stddev);
   EXPECT_EQ(a.fingerprint, b.fingerprint);
   EXPECT_EQ(a.num_matches, b.num_matches);
   ASSERT_EQ(a.inlier_matches.size(), b.inlier_matches.size());
@@ -279,11 +275,11 @@ TEST_F(DepthDatabaseTest, FailedWriteLeavesDatabaseAsItWas) {
 
 TEST_F(DepthDatabaseTest, RefusesAnotherVersionOfTheTables) {
   WriteAll();
-  Execute("UPDATE dgsfm_schema SET version = 4");
+  Execute("UPDATE dgsfm_schema SET version = 5");
   for (const Mode mode : {Mode::READ_ONLY, Mode::READ_WRITE}) {
     EXPECT_THAT([&] { DepthDatabase(path_, mode); },
                 ThrowsMessage<std::runtime_error>(
-                    AllOf(HasSubstr(path_), HasSubstr("version 4"))));
+                    AllOf(HasSubstr(path_), HasSubstr("version 5"))));
   }
 }
 
@@ -296,7 +292,7 @@ TEST_F(DepthDatabaseTest, BringsTablesOfVersion1UpToDate) {
       "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN keypoints_fingerprint;"
       "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN focal_length;"
       "ALTER TABLE dgsfm_pair_geometries DROP COLUMN degeneracies;"
-      "ALTER TABLE dgsfm_pair_geometries DROP COLUMN covariance;"
+      "ALTER TABLE dgsfm_pair_geometries DROP COLUMN log_scale_stddev;"
       "ALTER TABLE dgsfm_pair_geometries DROP COLUMN fingerprint;");
   EXPECT_THAT([&] { DepthDatabase(path_, Mode::READ_ONLY); },
               ThrowsMessage<std::runtime_error>(
@@ -316,7 +312,24 @@ TEST_F(DepthDatabaseTest, BringsTablesOfVersion1UpToDate) {
               TestPairGeometry());
 }
 
-TEST_F(DepthDatabaseTest, KeepsPairGeometriesOfVersion2) {
+TEST_F(DepthDatabaseTest, DropsPairGeometriesOfVersion3) {
+  WriteAll();
+  Execute(
+      "UPDATE dgsfm_schema SET version = 3;"
+      "ALTER TABLE dgsfm_pair_geometries DROP COLUMN log_scale_stddev;"
+      "ALTER TABLE dgsfm_pair_geometries "
+      "ADD COLUMN covariance BLOB NOT NULL DEFAULT x'';");
+  EXPECT_THROW(DepthDatabase(path_, Mode::READ_ONLY), std::runtime_error);
+  DepthDatabase database(path_, Mode::READ_WRITE);
+  EXPECT_TRUE(database.ReadPairGeometries().empty());
+  EXPECT_EQ(database.ReadAllKeypointDepths().at(1).depths,
+            (std::vector<float>{1.5f, 0, 0.1f}));
+  database.WritePairGeometries({{PairIdOfImages(1, 2), TestPairGeometry()}});
+  ExpectEqual(database.ReadPairGeometries().at(PairIdOfImages(1, 2)),
+              TestPairGeometry());
+}
+
+TEST_F(DepthDatabaseTest, KeepsDepthsOfVersion2) {
   WriteAll();
   Execute(
       "UPDATE dgsfm_schema SET version = 2;"
@@ -324,8 +337,7 @@ TEST_F(DepthDatabaseTest, KeepsPairGeometriesOfVersion2) {
       "ALTER TABLE dgsfm_keypoint_depths DROP COLUMN keypoints_fingerprint;");
   EXPECT_THROW(DepthDatabase(path_, Mode::READ_ONLY), std::runtime_error);
   const DepthDatabase database(path_, Mode::READ_WRITE);
-  ExpectEqual(database.ReadPairGeometries().at(PairIdOfImages(1, 2)),
-              TestPairGeometry());
+  EXPECT_TRUE(database.ReadPairGeometries().empty());
   EXPECT_EQ(database.ReadAllKeypointDepths().at(1).depths,
             (std::vector<float>{1.5f, 0, 0.1f}));
   // Nothing is known of where they came from.
@@ -395,7 +407,7 @@ TEST_F(DepthDatabaseTest, NamesDamagedRow) {
                              "qvec = zeroblob(32)",
                              "tvec = zeroblob(16)",
                              "scale = -1",
-                             "covariance = zeroblob(16)",
+                             "log_scale_stddev = -1",
                              "depth_verified = x'01'"}) {
     WriteAll();
     Execute(std::string("UPDATE dgsfm_pair_geometries SET ") + damage);

@@ -13,7 +13,7 @@ PairGeometry Confirmation() {
   PairGeometry pair;
   pair.status = PairStatus::VALID;
   pair.has_scale = true;
-  pair.covariance(6, 6) = 0.01 * 0.01;
+  pair.log_scale_stddev = 0.01;
   return pair;
 }
 
@@ -64,7 +64,7 @@ TEST(DepthReliability, UncertainScaleConfirmsNothing) {
   }
   for (colmap::image_t image_id = 5; image_id <= 9; ++image_id) {
     PairGeometry pair = Confirmation();
-    pair.covariance(6, 6) = 0.1 * 0.1;
+    pair.log_scale_stddev = 0.1;
     pairs[PairIdOfImages(1, image_id)] = pair;
   }
   EXPECT_THAT(FindUnreliableDepths(pairs), ElementsAre(1));

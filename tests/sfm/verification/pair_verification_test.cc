@@ -163,7 +163,7 @@ void ExpectSame(const PairGeometry& a, const PairGeometry& b) {
   EXPECT_EQ(a.focal_length1_px, b.focal_length1_px);
   EXPECT_EQ(a.focal_length2_px, b.focal_length2_px);
   EXPECT_EQ(a.degeneracies, b.degeneracies);
-  EXPECT_EQ(a.covariance, b.covariance);
+  EXPECT_EQ(a.log_scale_stddev, b.log_scale_stddev);
   EXPECT_EQ(a.depth_verified, b.depth_verified);
   ASSERT_EQ(a.inlier_matches.size(), b.inlier_matches.size());
   for (size_t i = 0; i < a.inlier_matches.size(); ++i) {
