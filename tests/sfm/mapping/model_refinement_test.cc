@@ -23,6 +23,18 @@ colmap::point3D_t AnyLongPoint(const colmap::Reconstruction& model) {
   return colmap::kInvalidPoint3DId;
 }
 
+// Moves the feature of the first observation of a point, which it returns.
+colmap::TrackElement MoveAFeature(colmap::point3D_t point_id,
+                                  const Eigen::Vector2d& shift_px,
+                                  colmap::Reconstruction* model) {
+  const colmap::TrackElement element =
+      model->Point3D(point_id).Track().Elements().front();
+  colmap::Point2D& feature =
+      model->Image(element.image_id).Point2D(element.point2D_idx);
+  feature.SetXY(feature.XY() + shift_px);
+  return element;
+}
+
 size_t CountLongPoints(const colmap::Reconstruction& model) {
   size_t count = 0;
   for (const auto& [point_id, point] : model.Points3D()) {
@@ -42,12 +54,8 @@ TEST(FilterObservations, KeepsAnExactModel) {
 
 TEST(FilterObservations, TakesOutMovedFeatures) {
   colmap::Reconstruction model = ReconstructionFromSynthetic(Ring());
-  const colmap::point3D_t point_id = AnyLongPoint(model);
   const colmap::TrackElement moved =
-      model.Point3D(point_id).Track().Elements().front();
-  colmap::Image& image = model.Image(moved.image_id);
-  image.Point2D(moved.point2D_idx)
-      .SetXY(image.Point2D(moved.point2D_idx).XY() + Eigen::Vector2d(6, 0));
+      MoveAFeature(AnyLongPoint(model), {6, 0}, &model);
   ModelRefinementOptions options;
   options.min_num_triangulated_per_image = 0;
   options.min_triangulation_angle_deg = 0.01;
@@ -55,7 +63,8 @@ TEST(FilterObservations, TakesOutMovedFeatures) {
   // Six pixels are within twice the four of the last round.
   EXPECT_EQ(FilterObservations(options, 2, &tolerant), 0);
   EXPECT_EQ(FilterObservations(options, 1, &model), 1);
-  EXPECT_FALSE(image.Point2D(moved.point2D_idx).HasPoint3D());
+  EXPECT_FALSE(
+      model.Image(moved.image_id).Point2D(moved.point2D_idx).HasPoint3D());
 }
 
 TEST(FilterObservationsByAngle, TakesOutFeaturesBehindTheCamera) {
@@ -124,11 +133,7 @@ TEST(BuildCorrespondenceGraph, LeavesOutWhatEpipolarLinesCannotJudge) {
 TEST(UpdatePointErrors, StoresTheMeanReprojectionError) {
   colmap::Reconstruction model = ReconstructionFromSynthetic(Ring());
   const colmap::point3D_t point_id = AnyLongPoint(model);
-  const colmap::TrackElement moved =
-      model.Point3D(point_id).Track().Elements().front();
-  colmap::Image& image = model.Image(moved.image_id);
-  image.Point2D(moved.point2D_idx)
-      .SetXY(image.Point2D(moved.point2D_idx).XY() + Eigen::Vector2d(3, 4));
+  MoveAFeature(point_id, {3, 4}, &model);
   UpdatePointErrors(&model);
   // Rounding of key points is all that the other observations have.
   EXPECT_NEAR(model.Point3D(point_id).Error(),
