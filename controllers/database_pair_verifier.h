@@ -25,8 +25,9 @@ class DatabasePairVerifier {
  public:
   using PairSizes = std::vector<MatchReader::PairSize>;
   using Fingerprints = std::map<colmap::image_pair_t, uint64_t>;
-  // Takes over a finished pair. Called by one thread at a time, while nothing
-  // is read from the database, in no particular order.
+  // Takes over a finished pair. Called by one thread at a time, in no
+  // particular order. Where the scene has all key points, nothing is read from
+  // the database meanwhile, so that it may be written.
   using Sink = std::function<void(colmap::image_pair_t, PairGeometry)>;
 
   // What is stored of the pairs of a database.
