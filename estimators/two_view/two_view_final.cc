@@ -29,7 +29,7 @@ struct Round {
 
 // The first estimates the noise. The last goes on until rounding stops it: the
 // costs of the outliers hide the last of the decrease.
-constexpr Round kRounds[] = {{1e-4, 300}, {1e-7, 1000}};
+constexpr Round kRounds[] = {{1e-4, 300}, {1e-13, 1000}};
 
 // Standard deviation of the log depth of one map, over matches with depths.
 double DepthNoise(const TwoViewData& data,

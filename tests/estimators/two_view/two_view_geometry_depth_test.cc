@@ -79,10 +79,7 @@ TEST(TwoViewGeometryDepth, NoiseFreePairsAreExact) {
       // Rounding through the least squares, [deg] and [1].
       EXPECT_LT(errors.PoseDeg(), 1e-6);
       EXPECT_LT(errors.focal_ratio, 1e-6);
-      // Outliers whose depths agree within the least noise take part, and the
-      // smooth errors of the maps take up some of the scale. 1e-4 is the
-      // project's bar for exact data.
-      EXPECT_LT(errors.log_scale, 1e-4);
+      EXPECT_LT(errors.log_scale, 1e-6);
       EXPECT_TRUE(result.has_scale);
       EXPECT_FALSE(result.used_depth_free_estimator);
       EXPECT_GE(result.num_inliers, 280);  // all but the 30 % outliers
