@@ -33,9 +33,9 @@ class ReducedCameraSystem {
  public:
   explicit ReducedCameraSystem(int num_params);
 
-  // All observations of one point. Those of points whose position they do not
-  // determine are left out: they say nothing reliable. Throws on parameters
-  // out of range and on sizes that do not match.
+  // All observations of one point. They are left out if they do not
+  // determine its position. Throws on parameters out of range and on sizes that
+  // do not match.
   void AddPoint(const std::vector<LinearizedObservation>& observations);
 
   // Normal prior of one parameter, which is `deviation` off its mean. Throws

@@ -8,10 +8,10 @@
 
 namespace dgsfm {
 
-// Smallest support that tells a model from a coincidence of its own sample.
+// Smallest support of a model that is not a coincidence of its own sample.
 constexpr int kMinNumInliers = 8;
 
-// All tests look at the inliers of a model; each says yes if at least 80 % of
+// All tests look at the inliers of a model; each holds if at least 80 % of
 // them fit a simpler explanation within `max_error_px` in the second image.
 
 // A homography, of the best of 100 samples and refined.

@@ -16,8 +16,9 @@ constexpr double kStddevPerThreshold = 0.5;
 
 bool IsKnown(double depth) { return depth > 0 && std::isfinite(depth); }
 
-// Scores give up on bad models early if the order says nothing. The published
-// estimator has no use for matches without depth.
+// In a random order the first matches represent all, so that scoring can stop
+// early on bad models. The published estimator does not use matches without
+// depth.
 std::vector<int> RandomOrder(const DepthMatches& matches,
                              bool with_depth_only,
                              SplitMix64* random) {

@@ -82,8 +82,8 @@ class Search {
 
 Search::Search(const TwoViewProblem& problem, SplitMix64* random)
     : problem_(problem), options_(problem.Options()), random_(random) {
-  // One sample in so many keeps the guessed focal lengths, which pays where
-  // depth says little about them (small rotations).
+  // One sample in so many keeps the guessed focal lengths, which helps where
+  // depth hardly determines them (small rotations).
   constexpr int kGuessInterval = 4;
   if (problem.NumDepthMatches() >= options_.min_num_depth_matches) {
     depth_.source = CreateDepthHypothesisSource(

@@ -106,7 +106,7 @@ TEST(AverageComponentScales, MedianImageHasScaleOne) {
   EXPECT_FALSE(wrong.has_scale);
   EXPECT_EQ(wrong.status, PairStatus::VALID);
   ASSERT_EQ(result.scales.size(), kNumImages);
-  // Of eight images the median is the mean of two, in logarithms.
+  // The median of eight images is the mean of two, in logarithms.
   const double median = std::sqrt(DepthScale(3) * DepthScale(4));
   for (int i = 0; i < kNumImages; ++i) {
     // The wrong pair, off by 33 standard deviations, keeps a weight of 1e-4.
