@@ -65,6 +65,7 @@ struct DepthDatabase::Impl {
   }
 
   bool HasTables() const { return HasDepthTables(connection); }
+  bool HasPairs() const { return HasPairTable(connection); }
 
   // Runs `write` with the tables in place; all or nothing.
   template <typename Write>
@@ -298,7 +299,7 @@ void DepthDatabase::WritePairGeometries(
 std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries(
     const KeptKeypoints& kept) const {
   std::map<colmap::image_pair_t, PairGeometry> geometries;
-  if (!impl_->HasTables()) return geometries;
+  if (!impl_->HasPairs()) return geometries;
   PairGeometryCursor cursor(impl_->connection);
   while (cursor.Step()) {
     PairGeometry geometry = cursor.Geometry();
@@ -312,7 +313,7 @@ std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries(
 std::map<colmap::image_pair_t, uint64_t> DepthDatabase::ReadPairFingerprints()
     const {
   std::map<colmap::image_pair_t, uint64_t> fingerprints;
-  if (!impl_->HasTables()) return fingerprints;
+  if (!impl_->HasPairs()) return fingerprints;
   SqliteStatement select(impl_->connection,
                          "SELECT pair_id, fingerprint "
                          "FROM dgsfm_pair_geometries ORDER BY pair_id");
@@ -326,7 +327,7 @@ std::map<colmap::image_pair_t, uint64_t> DepthDatabase::ReadPairFingerprints()
 
 PairTotals DepthDatabase::ReadPairTotals() const {
   PairTotals totals;
-  if (!impl_->HasTables()) return totals;
+  if (!impl_->HasPairs()) return totals;
   SqliteStatement select(impl_->connection,
                          "SELECT status, degeneracies, count(*) "
                          "FROM dgsfm_pair_geometries GROUP BY 1, 2");

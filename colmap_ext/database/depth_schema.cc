@@ -6,6 +6,8 @@ namespace dgsfm {
 namespace {
 
 constexpr int64_t kVersion = 4;
+// Has the same tables of depth.
+constexpr int64_t kFirstVersionOfDepth = 3;
 
 constexpr char kCreateDepthTables[] = R"(
 CREATE TABLE dgsfm_schema (version INTEGER NOT NULL);
@@ -92,13 +94,18 @@ int64_t TablesVersion(const SqliteConnection& connection) {
 
 bool HasDepthTables(const SqliteConnection& connection) {
   const int64_t version = TablesVersion(connection);
-  if (version == 0 || version == kVersion) return version == kVersion;
+  if (version == 0) return false;
+  if (version >= kFirstVersionOfDepth && version <= kVersion) return true;
   throw connection.Error()
       << "its depth tables have version " << version
       << ", this program uses version " << kVersion
       << (version >= 1 && version < kVersion
               ? "; run depth_geometric_verifier, which brings them up to date"
               : "; use the version of the program that wrote them");
+}
+
+bool HasPairTable(const SqliteConnection& connection) {
+  return HasDepthTables(connection) && TablesVersion(connection) == kVersion;
 }
 
 void CreateDepthTables(const SqliteConnection& connection) {

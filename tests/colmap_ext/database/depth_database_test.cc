@@ -319,7 +319,14 @@ TEST_F(DepthDatabaseTest, DropsPairGeometriesOfVersion3) {
       "ALTER TABLE dgsfm_pair_geometries DROP COLUMN log_scale_stddev;"
       "ALTER TABLE dgsfm_pair_geometries "
       "ADD COLUMN covariance BLOB NOT NULL DEFAULT x'';");
-  EXPECT_THROW(DepthDatabase(path_, Mode::READ_ONLY), std::runtime_error);
+  {
+    const DepthDatabase database(path_, Mode::READ_ONLY);
+    EXPECT_TRUE(database.ReadPairGeometries().empty());
+    EXPECT_TRUE(database.ReadPairFingerprints().empty());
+    EXPECT_TRUE(database.ReadPairTotals().num_with_status.empty());
+    EXPECT_EQ(database.ReadAllKeypointDepths().at(1).depths,
+              (std::vector<float>{1.5f, 0, 0.1f}));
+  }
   DepthDatabase database(path_, Mode::READ_WRITE);
   EXPECT_TRUE(database.ReadPairGeometries().empty());
   EXPECT_EQ(database.ReadAllKeypointDepths().at(1).depths,
