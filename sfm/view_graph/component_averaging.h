@@ -52,10 +52,11 @@ struct ComponentRotations {
 
 // Averages the rotations of the valid pairs among the images, which these
 // connect, weighted by their evidence. Pairs too far off become
-// ROTATION_OUTLIER. Look-alike places may have more pairs than the way between
-// them, so that the average takes out the way: where strong pairs are outliers,
-// averages that keep them are tried as well, and the one wins whose pairs miss
-// the fewest matches, by the depths, and whose outliers had the least evidence.
+// ROTATION_OUTLIER. If repeated structure contributes more pairs than the true
+// path between places, the average rejects the true pairs. Where strong pairs
+// are outliers, averages that keep them are tried as well: one of these wins if
+// its cost, matches that its pairs miss by the depths and evidence of its
+// outliers, is clearly lower.
 // Nothing if the averaging fails.
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,

@@ -2,9 +2,11 @@
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/model/model_io.h"
 #include "controllers/commands/commands.h"
+#include "controllers/model_evaluator.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/test_dir.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -306,6 +308,43 @@ TEST_F(GlobalDepthMapperTest, ModelsComeOutOfADatabaseThatCannotBeWritten) {
       .Execute("UPDATE dgsfm_schema SET version = 99");
   EXPECT_EQ(Map({"--use_depth", "0"}), 0);
   EXPECT_TRUE(fs::exists(dir_ + "/models/0/images.bin"));
+}
+
+// Each image gets the map of the third one after it.
+TEST(DepthGlobalMapperOnRealData, MapsOfOtherImagesCostNothing) {
+  const auto data_set = SharedDataSet("fountain-P11");
+  if (!data_set) GTEST_SKIP() << "no data set fountain-P11";
+  const std::string dir = CreateTestDir();
+  const std::string path = dir + "/database.db";
+  fs::copy_file(*data_set + "/database.db", path);
+  std::vector<fs::path> maps;
+  for (const auto& entry : fs::directory_iterator(*data_set + "/depth")) {
+    maps.push_back(entry.path());
+  }
+  std::sort(maps.begin(), maps.end());
+  fs::create_directory(dir + "/depth");
+  for (size_t i = 0; i < maps.size(); ++i) {
+    fs::create_symlink(maps[(i + 3) % maps.size()],
+                       dir + "/depth/" + maps[i].filename().string());
+  }
+  ASSERT_EQ(
+      RunForTest(&RunDepthImporter,
+                 {"--database_path", path, "--depth_path", dir + "/depth"})
+          .code,
+      0);
+  ASSERT_EQ(RunForTest(&RunDepthGlobalMapper,
+                       {"--database_path",
+                        path,
+                        "--output_path",
+                        dir + "/models",
+                        "--random_seed",
+                        "0"})
+                .code,
+            0);
+  const ModelEvaluation evaluation =
+      EvaluateModel(dir + "/models", *data_set + "/gt", {1});
+  // 92.0 without depth; seeds differ by 0.1.
+  EXPECT_GT(evaluation.auc[0], 91.5);
 }
 
 }  // namespace
