@@ -33,6 +33,8 @@ std::string PairStatusName(PairStatus status) {
       return "translation_outlier";
     case PairStatus::MODEL_OUTLIER:
       return "model_outlier";
+    case PairStatus::POSITION_OUTLIER:
+      return "position_outlier";
   }
   throw std::invalid_argument("unknown pair status " +
                               std::to_string(static_cast<int>(status)));

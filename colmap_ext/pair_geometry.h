@@ -32,6 +32,7 @@ enum class PairStatus : int {
   STATIONARY = 10,           // the matches do not move, as those of a watermark
   TRANSLATION_OUTLIER = 11,  // contradicts the loops that it is part of
   MODEL_OUTLIER = 12,        // too few matches agree with the finished model
+  POSITION_OUTLIER = 13,     // contradicts the positions that images were given
 };
 
 // Name as in logs and report.json, e.g. "too_few_inliers".
@@ -42,7 +43,7 @@ enum class PairStage {
   VERIFICATION,
   STATIC_BACKGROUND,  // verified again without matches at rest
   DEPTH_RELIABILITY,  // verified again without a depth map
-  VIEW_GRAPH_FILTER,  // imported scores, triplets
+  VIEW_GRAPH_FILTER,  // imported scores, triplets, given positions
   REVERIFICATION,     // verified again with averaged focal lengths
   ROTATION_AVERAGING,
   TRANSLATION_AVERAGING,

@@ -154,11 +154,23 @@ void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {
   WriteTruth(output_path / "gt", model, depth_scales);
 }
 
+void WriteOrigin(const fs::path& path) {
+  const GeodeticPosition origin = SyntheticFrame().Origin();
+  std::ostringstream text;
+  text << origin.latitude_deg << " " << origin.longitude_deg << " "
+       << origin.altitude_m << "\n";
+  WriteFile(path.string(), text.str());
+}
+
 void WriteDatabase(const DepthSceneSynthesizerOptions& options) {
   const fs::path output_path(options.output_path);
   CreateFolder(output_path / "gt");
   const SyntheticScene scene = SynthesizeScene(options.scene);
-  WriteObservations(scene, output_path / "database.db");
+  const fs::path database_path = output_path / "database.db";
+  WriteObservations(scene, database_path);
+  const GivenPoses poses = SynthesizePosePriors(options.positions, scene);
+  WritePosePriors(poses, scene, database_path.string());
+  if (!poses.empty()) WriteOrigin(output_path / "gt" / "origin.txt");
   std::map<std::string, double> depth_scales;
   for (const auto& [image_id, image] : scene.images) {
     if (!image.prior_depths.empty()) {
@@ -243,6 +255,10 @@ void BindDatabaseOptions(SyntheticSceneOptions* scene,
   options->Add("num_components",
                &scene->num_components,
                "(database) parts of the scene without common points");
+  options->Add("component_step",
+               &scene->component_step_m,
+               "(database) how far these are apart along x [m], 0 = above each "
+               "other");
   options->Add("image_noise",
                &scene->image_noise_px,
                "(database) standard deviation of key points [px]");
@@ -264,6 +280,31 @@ void BindDatabaseOptions(SyntheticSceneOptions* scene,
   options->Add("known_focal_length",
                &scene->known_focal_length,
                "(database) whether cameras have their true parameters");
+}
+
+void BindPositionOptions(PositionNoiseOptions* positions,
+                         CommandOptions* options) {
+  options->Add("gps",
+               &positions->has_positions,
+               "(database) whether images have position priors, in WGS84");
+  options->Add("gps_noise",
+               &positions->stddev_m,
+               "(database) standard deviation of their coordinates [m]");
+  options->Add("gps_outlier_ratio",
+               &positions->outlier_ratio,
+               "(database) share of wrong positions, in [0, 1] ...");
+  options->Add("gps_outlier",
+               &positions->outlier_m,
+               "(database) ... which are off by this horizontally [m]");
+  options->Add("gps_altitude_offset",
+               &positions->altitude_offset_m,
+               "(database) added to all altitudes [m]");
+  options->Add("gravity",
+               &positions->has_gravity,
+               "(database) whether images have gravity");
+  options->Add("gravity_noise",
+               &positions->gravity_stddev_deg,
+               "(database) its standard deviation [deg]");
 }
 
 void BindOptions(std::string* family,
@@ -290,6 +331,7 @@ void BindOptions(std::string* family,
   BindSceneOptions(&options->scene, command_options);
   BindDepthOptions(&options->scene.depth_noise, command_options);
   BindDatabaseOptions(&options->scene, command_options);
+  BindPositionOptions(&options->positions, command_options);
   command_options->Add("random_seed", random_seed, "seed of all random draws");
   command_options->Add(
       "num_threads", &options->num_threads, "threads, -1 is one per core");
@@ -298,7 +340,7 @@ void BindOptions(std::string* family,
 }  // namespace
 
 bool DepthSceneSynthesizerOptions::IsValid(std::string* error) const {
-  if (!scene.IsValid(error)) return false;
+  if (!scene.IsValid(error) || !positions.IsValid(error)) return false;
   if (num_threads == -1 || num_threads > 0) return true;
   *error = "num_threads = " + std::to_string(num_threads) +
            " must be -1 or positive";

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "colmap_ext/synthetic/depth_noise.h"
+#include "colmap_ext/synthetic/position_noise.h"
 #include "colmap_ext/synthetic/synthetic_camera.h"
 #include "colmap_ext/synthetic/synthetic_scene.h"
 
@@ -19,6 +20,8 @@ struct DepthSceneSynthesizerOptions {
   // Number of images, family, cameras, depth noise and seed count in both
   // cases, the other fields for databases only.
   SyntheticSceneOptions scene;
+  // Of databases only.
+  PositionNoiseOptions positions;
   // Threads that render; -1 is one per core.
   int num_threads = -1;
 
@@ -32,6 +35,9 @@ struct DepthSceneSynthesizerOptions {
 // - gt/: the true model as text, in metres;
 // - gt/depth_scales.txt: a line "image name, true scale" for each image with
 //   depth; true depth is the scale times the map, but for the depth errors.
+// - gt/origin.txt, with positions of images in the database: latitude,
+//   longitude [deg] and altitude [m] of the origin of the true model, whose
+//   axes point east, north and up.
 // Throws std::runtime_error if the folder is not empty or cannot be written.
 void SynthesizeDepthScene(const DepthSceneSynthesizerOptions& options);
 

@@ -1,6 +1,5 @@
 #include "controllers/global_depth_mapper.h"
 
-#include "colmap_ext/database/colmap_schema.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/keypoint_selection.h"
 #include "colmap_ext/database/scene_database.h"
@@ -8,14 +7,17 @@
 #include "colmap_ext/model/model_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
+#include "controllers/georeference_file.h"
 #include "controllers/mapper_report.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 
 #include <cmath>
 #include <filesystem>
+#include <iomanip>
 #include <iostream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include <glog/logging.h>
@@ -28,6 +30,7 @@ namespace fs = std::filesystem;
 
 constexpr char kProjectFile[] = "project.ini";
 constexpr char kReportFile[] = "report.json";
+constexpr char kGeoreferenceFile[] = "georeference.json";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   size_t num_missing = 0;
@@ -60,18 +63,26 @@ void ReadExif(const std::string& image_path, Scene* scene) {
   }
 }
 
-void WarnOfPosePriors(const GlobalDepthMapperOptions& options) {
-  const std::string& path = options.verifier.database_path;
-  const int64_t num_priors = CountPosePriors(
-      SqliteConnection(path, SqliteConnection::Mode::READ_ONLY));
-  if (num_priors == 0) return;
-  LOG(WARNING) << path << " has pose priors of " << num_priors
-               << " images, which are not used. To bring a model to their "
-                  "frame: colmap model_aligner --input_path "
-               << options.output_path
-               << "/0 --output_path ALIGNED --database_path " << path
-               << " --alignment_type enu --ref_is_gps 1 (for positions that "
-                  "are no GPS: --alignment_type custom --ref_is_gps 0)";
+// Tells positions whose latitude and longitude are swapped by the shape of the
+// largest model.
+void CheckForSwappedCoordinates(const GeoreferencingOptions& options,
+                                const LoadedPosePriors& loaded,
+                                DepthGlobalMapperResult* result) {
+  if (result->models.empty() || loaded.swapped_priors.empty()) return;
+  const colmap::Reconstruction& model = *result->models.front();
+  const auto given =
+      AlignToPositions(options, loaded.priors, std::nullopt, model);
+  const auto swapped =
+      AlignToPositions(options, loaded.swapped_priors, std::nullopt, model);
+  constexpr double kMinRatio = 3;  // of the errors
+  if (!given || !swapped || given->spread < kMinRatio * swapped->spread ||
+      given->spread < kMinRatio) {
+    return;
+  }
+  result->warnings.push_back(
+      "Latitude and longitude of the positions seem to be swapped: swapped "
+      "back, they fit the largest model better");
+  LOG(WARNING) << result->warnings.back();
 }
 
 // Maps of images turned by a quarter have another shape, and were refused.
@@ -129,6 +140,16 @@ std::string UnitText(const MeasuredUnit& measured) {
   return "unit metres, by " + maps;
 }
 
+std::string GeoreferenceText(const ModelGeoreference& georeference) {
+  std::ostringstream text;
+  text << std::setprecision(3) << "unit metres, in the frame of "
+       << georeference.num_inliers << " of " << georeference.num_positions
+       << " positions, off by " << georeference.median_horizontal_error_m
+       << " m horizontally and " << georeference.median_vertical_error_m
+       << " m vertically (median)";
+  return text.str();
+}
+
 }  // namespace
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
@@ -139,7 +160,9 @@ GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
 bool GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
-  RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
+  CheckOptions(options_.pose_priors);
+  RunFolder folder(options_.output_path,
+                   {kProjectFile, kReportFile, kGeoreferenceFile});
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
@@ -147,11 +170,16 @@ bool GlobalDepthMapper::Run() {
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
-  WarnOfPosePriors(options_);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
   }
+  const LoadedPosePriors pose_priors =
+      LoadPosePriors(options_.pose_priors,
+                     options_.verifier.database_path,
+                     options_.use_exif ? options_.image_path : "",
+                     scene);
+  scene.pose_priors = pose_priors.priors;
   KeypointDepthMap depths =
       LoadDepths(options_.verifier, scene.kept_keypoints, &stages);
   if (!options_.image_path.empty()) {
@@ -174,8 +202,20 @@ bool GlobalDepthMapper::Run() {
                        &pairs);
   scene.cameras = given_cameras;
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
+  for (const std::string& warning : pose_priors.warnings) {
+    LOG(WARNING) << "Positions of images: " << warning;
+    result.warnings.push_back("Positions of images: " + warning);
+  }
+  CheckForSwappedCoordinates(
+      options_.mapper.georeferencing, pose_priors, &result);
   StageModels(folder, &result);
-  WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
+  WriteMapperReport(
+      folder.StagedFile(kReportFile), scene, pairs, pose_priors.frame, result);
+  if (pose_priors.frame && options_.mapper.georeferencing.georeference) {
+    WriteGeoreference(folder.StagedFile(kGeoreferenceFile),
+                      *pose_priors.frame,
+                      result.georeferences);
+  }
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
@@ -188,7 +228,11 @@ bool GlobalDepthMapper::Run() {
             << options_.output_path << std::endl;
   for (size_t i = 0; i < result.models.size(); ++i) {
     std::cout << "model " << i << ": " << result.models[i]->NumRegImages()
-              << " images, " << UnitText(result.units[i]) << std::endl;
+              << " images, "
+              << (result.georeferences[i].is_georeferenced
+                      ? GeoreferenceText(result.georeferences[i])
+                      : UnitText(result.units[i]))
+              << std::endl;
   }
   for (const auto& [image_id, reason] : result.unregistered_images) {
     std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "

@@ -170,6 +170,72 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("rotation_alternatives", &options->averaging.skip_alternatives);
 }
 
+void BindPosePriors(GlobalDepthMapperOptions* options,
+                    CommandOptions* command_options) {
+  PosePriorOptions& priors = options->pose_priors;
+  command_options->Add("use_pose_priors",
+                       &priors.use_pose_priors,
+                       "whether positions and gravity of images count: those "
+                       "of pose_priors_path, else of the database, else of "
+                       "EXIF");
+  command_options->Add("pose_priors_path",
+                       &priors.path,
+                       "positions of images, lines 'name a b c "
+                       "[std_horizontal std_vertical]'; empty = none");
+  command_options->Add("pose_priors_coordinates",
+                       &priors.coordinates,
+                       "what a, b, c and the columns prior_t of COLMAP 3.8's "
+                       "databases are: wgs84 (latitude, longitude [deg], "
+                       "altitude [m]) or cartesian [m]");
+  command_options->Add("pose_priors_std_horizontal",
+                       &priors.stddev_horizontal_m,
+                       "standard deviation of positions without any [m]");
+  command_options->Add("pose_priors_std_vertical",
+                       &priors.stddev_vertical_m,
+                       "the same vertically [m]");
+  GeoreferencingOptions& georeferencing = options->mapper.georeferencing;
+  command_options->Add("georeference",
+                       &georeferencing.georeference,
+                       "whether models get the frame and unit of the positions "
+                       "(east, north, up [m]), else they keep their own");
+  command_options->Add("georeference_origin",
+                       &priors.origin,
+                       "latitude,longitude,altitude of the frame's origin "
+                       "[deg, deg, m]; empty = the median position");
+  command_options->Add("join_models",
+                       &georeferencing.join_models,
+                       "whether models that no match connects become one in "
+                       "the frame of the positions");
+  command_options->Add("upright",
+                       &georeferencing.upright,
+                       "whether the z axis of models without that frame points "
+                       "up, if gravity or cameras held level show where that "
+                       "is");
+  OptionGroup(kGroup, command_options)
+      .Add("pp_use_positions",
+           &georeferencing.use_positions,
+           "whether positions take part in positioning and bundle adjustment")
+      .Add("pp_judge_pairs",
+           &georeferencing.judge_pairs,
+           "whether pairs that contradict the positions of their images leave")
+      .Add("pp_loss_scale",
+           &georeferencing.loss_scale,
+           "Cauchy loss of positions [standard deviations]")
+      .Add("pp_max_log_scale_stddev",
+           &georeferencing.max_log_scale_stddev,
+           "positions that leave the scale less certain are not used [log]")
+      .Add("pp_max_pair_distance_ratio",
+           &georeferencing.max_pair_distance_ratio,
+           "factor between the distance of two images by depth and by "
+           "positions beyond which their pair leaves [1]")
+      .Add("up_max_roll",
+           &georeferencing.up_direction.max_roll_deg,
+           "cameras rolled by less than this are held level [deg]")
+      .Add("up_min_share",
+           &georeferencing.up_direction.min_share,
+           "share of the cameras that must be level for an upright model");
+}
+
 // The paper gives iterations; its authors' code ends them at this.
 constexpr double kPaperTolerance = 1e-6;
 
@@ -237,6 +303,7 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        "its table dgsfm_pair_statuses");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
+  BindPosePriors(options, command_options);
   BindMapper(&options->mapper, command_options);
 }
 
@@ -252,6 +319,8 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.tracks.min_num_tracks_per_view = 0;
   mapper.position_initialization.use_depth = true;
   options->max_num_keypoints_per_image = 0;
+  options->pose_priors.use_pose_priors = false;
+  mapper.georeferencing.upright = false;
   mapper.skip_static_background = true;
   mapper.skip_depth_reliability = true;
   mapper.skip_reverification = true;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "controllers/depth_geometric_verifier.h"
+#include "controllers/pose_prior_loader.h"
 #include "sfm/global_mapping_options.h"
 
 #include <string>
@@ -15,6 +16,8 @@ struct GlobalDepthMapperOptions {
   std::string image_path;
   // Whether the EXIF data of images without a prior focal length count.
   bool use_exif = true;
+  // Positions and gravity of images.
+  PosePriorOptions pose_priors;
   // Whether images of rigs of several cameras are mapped as if each moved by
   // itself; otherwise they are refused.
   bool ignore_rigs = false;

@@ -1,6 +1,7 @@
 #include "controllers/mapper_report.h"
 
 #include "colmap_ext/output_file.h"
+#include "controllers/georeference_file.h"
 #include "controllers/output_folder.h"
 #include "sfm/intrinsics/prior_trust.h"
 
@@ -109,6 +110,7 @@ std::string PairLines(const Scene& scene, const PairGeometries& pairs) {
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,
                        const PairGeometries& pairs,
+                       const std::optional<LocalFrame>& frame,
                        const DepthGlobalMapperResult& result) {
   Json report;
   report["stages"] = StageEntries(result.stages);
@@ -127,7 +129,13 @@ void WriteMapperReport(const std::string& path,
          {"unit", ModelUnitName(result.units[i].unit)},
          {"images_with_depth_scale", result.units[i].num_images},
          {"depth_scale_log_spread", result.units[i].log_spread}});
+    if (i < result.georeferences.size() &&
+        result.georeferences[i].num_positions > 0) {
+      report["models"].back()["positions"] =
+          GeoreferenceEntry(scene, result.georeferences[i]);
+    }
   }
+  if (frame) report["georeference"] = FrameEntry(*frame);
   report["warnings"] = result.warnings;
   if (result.repeatability) {
     const PoseMetrics& metrics = *result.repeatability;

@@ -3,16 +3,20 @@
 
 #pragma once
 
+#include "colmap_ext/local_frame.h"
 #include "sfm/global_mapping.h"
 
+#include <optional>
 #include <string>
 
 namespace dgsfm {
 
-// Throws std::runtime_error if the file cannot be written.
+// `frame` is that of positions of images, if they are geodetic. Throws
+// std::runtime_error if the file cannot be written.
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,
                        const PairGeometries& pairs,
+                       const std::optional<LocalFrame>& frame,
                        const DepthGlobalMapperResult& result);
 
 }  // namespace dgsfm

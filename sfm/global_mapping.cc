@@ -1,11 +1,14 @@
 #include "sfm/global_mapping.h"
 
 #include "colmap_ext/check.h"
+#include "sfm/georeferencing/model_joining.h"
+#include "sfm/georeferencing/pair_positions.h"
 #include "sfm/view_graph/view_graph_preparation.h"
 
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
+#include <numeric>
 #include <set>
 #include <sstream>
 #include <utility>
@@ -51,13 +54,24 @@ std::optional<ComponentRotations> AverageRotationsOf(
 }
 
 void AddComponent(ComponentResult component, DepthGlobalMapperResult* result) {
-  if (component.model) result->models.push_back(std::move(component.model));
+  if (component.model) {
+    result->models.push_back(std::move(component.model));
+    result->georeferences.push_back(component.georeference);
+  }
   if (component.repeatability) result->repeatability = component.repeatability;
   result->cameras.merge(component.cameras);
   result->depth_scales.merge(component.depth_scales);
   for (const auto& [image_id, reason] : component.unregistered_images) {
     result->unregistered_images[image_id] = reason;
   }
+}
+
+// An id beyond those of all cameras, and of those that images get of their own.
+colmap::camera_t FirstUnusedCameraId(const Scene& scene) {
+  colmap::camera_t first = 0;
+  if (!scene.cameras.empty()) first += scene.cameras.rbegin()->first + 1;
+  if (!scene.images.empty()) first += scene.images.rbegin()->first + 1;
+  return first;
 }
 
 // Maps component after component; parts that rotation averaging cuts off are
@@ -100,11 +114,38 @@ void MapComponents(const MappingContext& context,
         MapComponent(context, *rotations, measure_repeatability, pairs, log),
         result);
   }
-  std::stable_sort(result->models.begin(),
-                   result->models.end(),
-                   [](const auto& a, const auto& b) {
-                     return a->NumRegImages() > b->NumRegImages();
-                   });
+}
+
+// One model of those that share the frame of the positions, and the largest
+// first.
+void ArrangeModels(const MappingContext& context,
+                   DepthGlobalMapperResult* result,
+                   MappingLog* log) {
+  auto& models = result->models;
+  if (context.options.georeferencing.join_models) {
+    const size_t num_models = models.size();
+    JoinGeoreferencedModels(
+        FirstUnusedCameraId(context.scene), &models, &result->georeferences);
+    if (models.size() < num_models) {
+      log->Warn(std::to_string(num_models - models.size() + 1) +
+                " parts that no match connects are one model in the frame of "
+                "the positions of their images, as accurate to each other as "
+                "these (--join_models 0 keeps them apart)");
+    }
+  }
+  std::vector<size_t> order(models.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](size_t i, size_t j) {
+    return models[i]->NumRegImages() > models[j]->NumRegImages();
+  });
+  std::vector<std::unique_ptr<colmap::Reconstruction>> sorted;
+  std::vector<ModelGeoreference> georeferences;
+  for (const size_t i : order) {
+    sorted.push_back(std::move(models[i]));
+    georeferences.push_back(std::move(result->georeferences[i]));
+  }
+  models = std::move(sorted);
+  result->georeferences = std::move(georeferences);
 }
 
 void MeasureUnits(const KeypointDepthMap& depths,
@@ -183,12 +224,14 @@ DepthGlobalMapperResult RunGlobalMapping(
   DropStaticBackground(options, verification, *depths, scene, pairs, &log);
   DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
   FilterPairs(options, pair_scores, pairs, &log);
+  JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
   result.focals =
       AverageFocals(options, verification, *depths, scene, pairs, &log);
   WarnOfPlanes(*scene, *pairs, &log);
   const MappingContext context = {
       options, verification, *scene, *depths, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
+  ArrangeModels(context, &result, &log);
   MeasureUnits(*depths, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);
   result.stages = std::move(log.stages);

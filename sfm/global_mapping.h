@@ -20,6 +20,8 @@ struct DepthGlobalMapperResult {
   std::vector<std::unique_ptr<colmap::Reconstruction>> models;
   // Units of the models, in their order.
   std::vector<MeasuredUnit> units;
+  // How they lie to the positions of their images, in their order.
+  std::vector<ModelGeoreference> georeferences;
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;
   std::map<colmap::camera_t, CameraResult> cameras;

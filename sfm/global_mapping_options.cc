@@ -10,6 +10,7 @@ bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
       .Valid(averaging)
       .Valid(tracks)
       .Valid(refinement)
+      .Valid(georeferencing)
       .AtLeast("min_model_size", min_model_size, 2)
       .AreKept();
 }

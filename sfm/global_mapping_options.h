@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "sfm/georeferencing/georeferencing_options.h"
 #include "sfm/intrinsics/camera_calibration.h"
 #include "sfm/mapping/model_refinement.h"
 #include "sfm/mapping/position_initialization.h"
@@ -19,6 +20,7 @@ struct DepthGlobalMapperOptions {
   TrackOptions tracks;
   PositionInitializationOptions position_initialization;
   ModelRefinementOptions refinement;
+  GeoreferencingOptions georeferencing;
 
   // Components and models with fewer images are left out.
   int min_model_size = 3;

@@ -13,9 +13,6 @@ namespace dgsfm {
 // database has the tables that all COLMAP versions from 3.8 to 4.2 create.
 void CheckIsColmapDatabase(const SqliteConnection& connection);
 
-// Number of images with a position prior, for example from GPS.
-int64_t CountPosePriors(const SqliteConnection& connection);
-
 // Whether a blob of so many values can be a matrix of the announced size.
 bool IsBlobSize(int64_t num_rows, int64_t num_cols, size_t num_values);
 

@@ -95,11 +95,14 @@ std::vector<Synthesizer::Component> Synthesizer::CreateComponents() const {
   for (int i = 0; i < options.num_components; ++i) {
     const int begin = i * options.num_images / options.num_components;
     const int end = (i + 1) * options.num_images / options.num_components;
-    components.push_back({i,
-                          begin,
-                          end - begin,
-                          {0, 0, kComponentDistance * i},
-                          CreateSceneLayout(options.family, end - begin)});
+    components.push_back(
+        {i,
+         begin,
+         end - begin,
+         options.component_step_m > 0
+             ? Eigen::Vector3d(options.component_step_m * i, 0, 0)
+             : Eigen::Vector3d(0, 0, kComponentDistance * i),
+         CreateSceneLayout(options.family, end - begin)});
   }
   return components;
 }
@@ -236,6 +239,7 @@ bool SyntheticSceneOptions::IsValid(std::string* error) const {
          check_count("num_points_per_image", num_points_per_image, 1) &&
          check("num_components", num_components, 1) &&
          check("num_images", num_images, num_components) &&
+         check("component_step_m", component_step_m, 0) &&
          check("image_noise_px", image_noise_px, 0) &&
          check("num_false_pairs", num_false_pairs, 0) &&
          check("max_num_look_alikes", max_num_look_alikes, 0) &&

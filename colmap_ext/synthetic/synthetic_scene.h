@@ -36,6 +36,8 @@ struct SyntheticSceneOptions {
   bool known_focal_length = true;
   // Parts of the scene that share no points, each with its own images.
   int num_components = 1;
+  // How far these are apart along x [m]; 0 = above each other, out of sight.
+  double component_step_m = 0;
   // Standard deviation of key points in x and y [px].
   double image_noise_px = 0;
   // Share of wrong matches, in [0, 1), in each pair.

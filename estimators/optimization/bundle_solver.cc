@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/optimization/camera_projection.h"
+#include "estimators/rotation_vector.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,12 +20,6 @@ namespace {
 constexpr int kPose = 6;
 // Scale of the Cauchy loss of log depths [standard deviations].
 constexpr double kDepthLossScale = 2;
-
-Eigen::Quaterniond RotationFromVector(const Eigen::Vector3d& vector) {
-  const double angle = vector.norm();
-  if (angle == 0) return Eigen::Quaterniond::Identity();
-  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, vector / angle));
-}
 
 // The parameters of a camera or of further terms, with their columns.
 struct ParameterBlock {
@@ -98,14 +93,29 @@ class BundleProblem
   }
 
   double TermsCost() const override {
-    if (terms_ == nullptr) return 0;
     double cost = 0;
-    const bool success = terms_->Evaluate({}, &cost, nullptr, nullptr, nullptr);
-    return success ? cost : std::numeric_limits<double>::infinity();
+    if (terms_ != nullptr &&
+        !terms_->Evaluate({}, &cost, nullptr, nullptr, nullptr)) {
+      return std::numeric_limits<double>::infinity();
+    }
+    for (size_t i = 0; i < bundle_->center_priors.size(); ++i) {
+      cost += CenterPriorCost(bundle_->center_priors[i],
+                              bundle_->center_prior_weight,
+                              bundle_->images[i].cam_from_world);
+    }
+    return cost;
   }
 
   void LinearizeTerms(typename Base::Triplets* hessian,
                       Eigen::VectorXd* gradient) const override {
+    for (size_t i = 0; i < bundle_->center_priors.size(); ++i) {
+      LinearizeCenterPrior(bundle_->center_priors[i],
+                           bundle_->center_prior_weight,
+                           bundle_->images[i].cam_from_world,
+                           this->camera_columns[i].data(),
+                           hessian,
+                           gradient);
+    }
     if (terms_ == nullptr) return;
     ceres::Problem::EvaluateOptions options;
     std::vector<int> columns;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "colmap_ext/rigid3.h"
+#include "estimators/optimization/center_prior.h"
 #include "estimators/optimization/point_minimizer.h"
 
 #include <array>
@@ -49,6 +50,10 @@ struct Bundle {
   std::vector<Eigen::Vector3d> points;
   // In any order.
   std::vector<BundleObservation> observations;
+  // Of all images, in their order, or empty.
+  std::vector<CenterPrior> center_priors;
+  // In [px].
+  CenterPriorWeight center_prior_weight;
 };
 
 // Minimises sum_k rho(|x_k - pi(P_k X_k)|^2) / 2 over the poses, points and
@@ -59,6 +64,8 @@ struct Bundle {
 // Prior depths D add w_i^2 rho(e^2) / 2 with e = (log z - log D - s_i) /
 // sigma_i, the Cauchy loss rho(e^2) = b^2 log(1 + e^2 / b^2) of scale b = 2,
 // and log scales s_i of the images, which are minimised over too.
+//
+// Prior centres add their costs, see estimators/optimization/center_prior.h.
 //
 // `camera_terms`, if not null, adds its residuals. Its parameter blocks are the
 // `params` of cameras of the bundle, as whole vectors, and others of its own,

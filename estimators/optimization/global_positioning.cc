@@ -13,6 +13,9 @@
 namespace dgsfm {
 namespace {
 
+// Fixed camera where none is.
+constexpr int kNoCamera = -1;
+
 void CheckInput(const std::vector<PositioningObservation>& observations,
                 int fixed_camera,
                 int num_cameras,
@@ -54,6 +57,17 @@ std::vector<Eigen::Vector3d> Scaled(std::vector<Eigen::Vector3d> vectors,
   return vectors;
 }
 
+// About `origin` in another unit.
+PositioningPriors Scaled(PositioningPriors priors,
+                         const Eigen::Vector3d& origin,
+                         double unit) {
+  for (CenterPrior& prior : priors.centers) {
+    prior.center = (prior.center - origin) / unit;
+    prior.sqrt_information *= unit;
+  }
+  return priors;
+}
+
 // Logarithms of the distance between camera and point of each observation.
 std::vector<double> LogDistances(
     const std::vector<PositioningObservation>& observations,
@@ -79,11 +93,13 @@ class PositioningProblem
   PositioningProblem(const std::vector<PositioningObservation>& all,
                      int fixed_camera,
                      const GlobalPositioningOptions& options,
+                     const PositioningPriors& priors,
                      double unit,
                      std::vector<Eigen::Vector3d>* centers,
                      std::vector<Eigen::Vector3d>* points)
       : observations_(all),
         options_(options),
+        priors_(priors),
         log_unit_(std::log(unit)),
         centers_(*centers),
         points_(*points),
@@ -152,6 +168,10 @@ class PositioningProblem
     for (const double log_factor : log_factors_) {
       cost += 0.5 * FactorWeight() * log_factor * log_factor;
     }
+    for (size_t i = 0; i < priors_.centers.size(); ++i) {
+      if (!priors_.centers[i].Exists()) continue;
+      cost += CenterPriorCost(priors_.centers[i], priors_.weight, centers_[i]);
+    }
     return cost;
   }
 
@@ -162,6 +182,16 @@ class PositioningProblem
       if (column < 0) continue;
       hessian->emplace_back(column, column, FactorWeight());
       (*gradient)(column) += FactorWeight() * log_factors_[i];
+    }
+    for (size_t i = 0; i < priors_.centers.size(); ++i) {
+      if (!priors_.centers[i].Exists()) continue;
+      LinearizeCenterPrior(priors_.centers[i],
+                           priors_.weight,
+                           centers_[i],
+                           Eigen::Matrix3d::Identity(),
+                           this->camera_columns[i].data(),
+                           hessian,
+                           gradient);
     }
   }
 
@@ -232,6 +262,7 @@ class PositioningProblem
 
   std::vector<PositioningObservation> observations_;
   const GlobalPositioningOptions& options_;
+  const PositioningPriors& priors_;
   const double log_unit_;
   std::vector<Eigen::Vector3d>& centers_;
   std::vector<Eigen::Vector3d>& points_;
@@ -247,11 +278,12 @@ PointMinimizerSummary MinimizeWithoutScales(
     const std::vector<PositioningObservation>& observations,
     int fixed_camera,
     const GlobalPositioningOptions& options,
+    const PositioningPriors& priors,
     double unit,
     std::vector<Eigen::Vector3d>* centers,
     std::vector<Eigen::Vector3d>* points) {
   PositioningProblem<kNumFactors> problem(
-      observations, fixed_camera, options, unit, centers, points);
+      observations, fixed_camera, options, priors, unit, centers, points);
   PointMinimizerOptions minimizer;
   minimizer.max_num_iterations = options.max_num_iterations;
   minimizer.function_tolerance = options.function_tolerance;
@@ -280,7 +312,8 @@ GlobalPositioningSummary SolveGlobalPositioning(
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points) {
+    std::vector<Eigen::Vector3d>* points,
+    const PositioningPriors& priors) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   CheckInput(observations, fixed_camera, centers->size(), points->size());
@@ -314,8 +347,18 @@ GlobalPositioningSummary SolveGlobalPositioning(
                   });
   const auto minimize =
       has_depth ? MinimizeWithoutScales<1> : MinimizeWithoutScales<0>;
-  const PointMinimizerSummary found = minimize(
-      observations, fixed_camera, options, unit, &unit_centers, &unit_points);
+  const bool has_priors = std::any_of(
+      priors.centers.begin(), priors.centers.end(), [](const auto& prior) {
+        return prior.Exists();
+      });
+  const PointMinimizerSummary found =
+      minimize(observations,
+               has_priors ? kNoCamera : fixed_camera,
+               options,
+               Scaled(priors, origin, unit),
+               unit,
+               &unit_centers,
+               &unit_points);
   if (!found.success) {
     summary.message = "the solver found no usable solution";
     return summary;
@@ -330,7 +373,8 @@ GlobalPositioningSummary SolveGlobalPositioning(
   for (size_t k = 0; k < observations.size(); ++k) {
     log_growths[k] -= start_log_distances[k];
   }
-  const double world_from_unit = std::exp(-Median(log_growths));
+  const double world_from_unit =
+      has_priors ? unit : std::exp(-Median(log_growths));
   const auto new_centers = Scaled(unit_centers, zero, world_from_unit, origin);
   const auto new_points = Scaled(unit_points, zero, world_from_unit, origin);
   if (!AllFinite(new_centers) || !AllFinite(new_points)) {
@@ -341,7 +385,7 @@ GlobalPositioningSummary SolveGlobalPositioning(
     (*centers)[observation.camera] = new_centers[observation.camera];
     (*points)[observation.point] = new_points[observation.point];
   }
-  (*centers)[fixed_camera] = origin;
+  if (!has_priors) (*centers)[fixed_camera] = origin;
   summary.success = true;
   return summary;
 }

@@ -3,6 +3,8 @@
 
 #pragma once
 
+#include "estimators/optimization/center_prior.h"
+
 #include <string>
 #include <vector>
 
@@ -21,6 +23,13 @@ struct PositioningObservation {
   // standard deviation [1]; 0 = unknown.
   double log_distance = 0;
   double log_distance_stddev = 0;
+};
+
+// Prior centres of all cameras, in their order, or none. Their weight is that
+// of rays [sine of angle].
+struct PositioningPriors {
+  std::vector<CenterPrior> centers;
+  CenterPriorWeight weight;
 };
 
 struct GlobalPositioningOptions {
@@ -71,6 +80,9 @@ struct GlobalPositioningSummary {
 // median over the observations of log(distance / distance in the start) zero.
 // Cameras and points without observations stay where they are.
 //
+// Prior centres add their costs, see estimators/optimization/center_prior.h.
+// They then hold position and scale, and no camera is constant.
+//
 // Not successful, centres and points unchanged, without observations or if the
 // start is not finite; running out of iterations is not a failure. Throws on
 // indices out of range, rays that are not unit vectors and weights that are not
@@ -82,6 +94,7 @@ GlobalPositioningSummary SolveGlobalPositioning(
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points);
+    std::vector<Eigen::Vector3d>* points,
+    const PositioningPriors& priors = PositioningPriors());
 
 }  // namespace dgsfm

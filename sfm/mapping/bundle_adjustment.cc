@@ -80,6 +80,17 @@ class ModelBundle {
     farthest->is_constant[3 + coordinate] = true;
   }
 
+  // Of which there must be at least three.
+  void AddCenterPriors(const CenterPriors& priors) {
+    for (const colmap::image_t image_id : image_ids_) {
+      const auto prior = priors.centers.find(image_id);
+      bundle_.center_priors.push_back(
+          prior == priors.centers.end() ? CenterPrior() : prior->second);
+    }
+    bundle_.center_prior_weight = {options_.intrinsics.keypoint_stddev_px,
+                                   priors.loss_scale};
+  }
+
   std::optional<double> Solve(int num_threads) {
     const size_t num_observations = bundle_.observations.size();
     if (num_observations == 0) return std::nullopt;
@@ -260,10 +271,15 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
                                    const DepthPriors& depth_priors,
-                                   colmap::Reconstruction* model) {
+                                   colmap::Reconstruction* model,
+                                   const CenterPriors& center_priors) {
   if (model->NumPoints3D() == 0) return std::nullopt;
   ModelBundle bundle(options, beliefs, depth_priors, model);
-  bundle.FixGauge(fixed_image);
+  if (center_priors.centers.empty()) {
+    bundle.FixGauge(fixed_image);
+  } else {
+    bundle.AddCenterPriors(center_priors);
+  }
   return bundle.Solve(num_threads);
 }
 

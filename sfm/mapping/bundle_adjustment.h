@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "estimators/optimization/center_prior.h"
 #include "sfm/intrinsics/intrinsics_prior.h"
 #include "sfm/verification/pair_verification.h"
 
@@ -49,6 +50,13 @@ struct DepthPriors {
   }
 };
 
+// Where cameras are by other means, in the frame of the model.
+struct CenterPriors {
+  std::map<colmap::image_t, CenterPrior> centers;
+  // Of their Cauchy loss [standard deviations].
+  double loss_scale = 2;
+};
+
 // Loss scale for a model as it is [px]: 1.5 times the median reprojection
 // error, at least a tenth of that of the options and at most that. Errors of
 // key points have long tails. That of the options for a model without points.
@@ -60,15 +68,17 @@ double AdaptedLossScale(const BundleAdjustmentOptions& options,
 // groups) over poses, points, intrinsics and means; with `use_depth` also those
 // from the depths, see SolveBundle, over the scales of their maps. Gauge: the
 // pose of fixed_image, and the largest coordinate of the translation of the
-// image farthest from it. Cameras whose images have hardly any observations
-// keep their intrinsics. Returns the root of the mean robust squared error
-// [px], or nothing if there is nothing to adjust or the solver failed. The same
-// for any number of threads.
-std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
-                                   int num_threads,
-                                   colmap::image_t fixed_image,
-                                   const CameraBeliefs& beliefs,
-                                   const DepthPriors& depth_priors,
-                                   colmap::Reconstruction* model);
+// image farthest from it; with center_priors these hold the model. Cameras
+// whose images have hardly any observations keep their intrinsics. Returns the
+// root of the mean robust squared error [px], or nothing if there is nothing to
+// adjust or the solver failed. The same for any number of threads.
+std::optional<double> AdjustBundle(
+    const BundleAdjustmentOptions& options,
+    int num_threads,
+    colmap::image_t fixed_image,
+    const CameraBeliefs& beliefs,
+    const DepthPriors& depth_priors,
+    colmap::Reconstruction* model,
+    const CenterPriors& center_priors = CenterPriors());
 
 }  // namespace dgsfm

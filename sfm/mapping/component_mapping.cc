@@ -1,6 +1,7 @@
 #include "sfm/mapping/component_mapping.h"
 
 #include "colmap_ext/pose_access.h"
+#include "sfm/georeferencing/georeferencing.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_building.h"
@@ -117,17 +118,19 @@ ModelInProgress StartModel(const MappingContext& context,
   return progress;
 }
 
-// Filters images, and scales the model by the depth maps.
+// Filters images, and gives the model its frame and unit.
 void FinishModel(const MappingContext& context,
-                 colmap::Reconstruction* model,
+                 ModelInProgress* progress,
                  ComponentResult* result,
                  MappingLog* log) {
+  colmap::Reconstruction* model = &progress->model;
   StageTimer timer("metric_scale");
   for (const auto& [image_id, reason] :
        FilterImages(context.options.refinement, model)) {
     result->unregistered_images[image_id] = reason;
   }
-  const MetricScale metric = NormalizeToDepth(context.depths, model);
+  MetricScale metric;
+  result->georeference = FinishFrame(context, progress, &metric, log);
   for (const auto& [image_id, scale] :
        DepthScalesOfModel(context.depths, *model)) {
     result->depth_scales[image_id] = scale.scale;
@@ -205,7 +208,7 @@ ComponentResult MapComponent(const MappingContext& context,
       MeasureRepeatability(context, progress, &result, log);
     }
   }
-  FinishModel(context, &model, &result, log);
+  FinishModel(context, &progress, &result, log);
   const int min_model_size = context.options.min_model_size;
   if (!success || model.NumRegImages() < size_t(min_model_size)) {
     for (const colmap::image_t image_id : model.RegImageIds()) {

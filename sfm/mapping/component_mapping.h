@@ -3,6 +3,7 @@
 #pragma once
 
 #include "estimators/pose_metrics.h"
+#include "sfm/georeferencing/model_alignment.h"
 #include "sfm/intrinsics/self_calibration.h"
 #include "sfm/mapping_context.h"
 #include "sfm/view_graph/component_averaging.h"
@@ -22,6 +23,7 @@ struct ComponentResult {
   std::map<colmap::image_t, std::string> unregistered_images;
   // Factors of the depth maps of registered images against the model.
   std::map<colmap::image_t, double> depth_scales;
+  ModelGeoreference georeference;
   std::optional<PoseMetrics> repeatability;
 };
 

@@ -1,5 +1,6 @@
 #include "sfm/mapping/model_building.h"
 
+#include "sfm/georeferencing/georeferencing.h"
 #include "sfm/mapping/model_access.h"
 #include "sfm/mapping/model_refinement.h"
 
@@ -46,6 +47,7 @@ std::optional<double> Adjust(const MappingContext& context,
                              const BundleAdjustmentOptions& adjustment,
                              const CameraBeliefs& beliefs,
                              const DepthPriors& depth_priors,
+                             const CenterPriors& center_priors,
                              colmap::Reconstruction* model) {
   const ModelRefinementOptions& refinement = context.options.refinement;
   return AdjustBundle(adjustment,
@@ -53,7 +55,8 @@ std::optional<double> Adjust(const MappingContext& context,
                       AnchorImage(*model),
                       beliefs,
                       PriorsInNeed(refinement, *model, depth_priors),
-                      model);
+                      model,
+                      center_priors);
 }
 
 bool PositionModel(const MappingContext& context,
@@ -70,6 +73,7 @@ bool PositionModel(const MappingContext& context,
     LOG(ERROR) << "Global positioning failed: " << summary.message;
     return false;
   }
+  UsePositions(context, AnchorImage(model), progress, log);
   const size_t num_filtered = FilterObservationsByAngle(
       options.refinement.max_angular_error_deg, &model);
   timer.Add("iterations", summary.num_iterations)
@@ -96,8 +100,12 @@ bool AdjustModel(const MappingContext& context,
   }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = Adjust(
-        context, adjustment, progress->beliefs, progress->depth_priors, &model);
+    const std::optional<double> rms = Adjust(context,
+                                             adjustment,
+                                             progress->beliefs,
+                                             progress->depth_priors,
+                                             progress->center_priors,
+                                             &model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options.refinement, num_rounds - round, &model);
@@ -199,6 +207,7 @@ size_t AdjustAgain(const MappingContext& context,
                                            FinalAdjustment(context, *progress),
                                            progress->beliefs,
                                            progress->depth_priors,
+                                           progress->center_priors,
                                            &progress->model);
   const size_t num_filtered =
       FilterObservations(context.options.refinement, 1.0, &progress->model);
@@ -287,6 +296,7 @@ void HoldImplausibleCameras(const MappingContext& context,
          FinalAdjustment(context, *progress),
          progress->beliefs,
          progress->depth_priors,
+         progress->center_priors,
          &model);
   FilterObservations(context.options.refinement, 1.0, &model);
 }
@@ -364,7 +374,12 @@ ModelAdjuster FinalAdjuster(const MappingContext& context,
     BundleAdjustmentOptions adjustment = FinalAdjustment(context, progress);
     adjustment.max_num_iterations =
         std::min(adjustment.max_num_iterations, max_num_iterations);
-    return Adjust(context, adjustment, beliefs, progress.depth_priors, model)
+    return Adjust(context,
+                  adjustment,
+                  beliefs,
+                  progress.depth_priors,
+                  progress.center_priors,
+                  model)
         .has_value();
   };
 }

@@ -3,11 +3,13 @@
 
 #pragma once
 
+#include "estimators/position_alignment.h"
 #include "sfm/intrinsics/camera_splitting.h"
 #include "sfm/intrinsics/self_calibration.h"
 #include "sfm/mapping_context.h"
 
 #include <map>
+#include <optional>
 
 namespace dgsfm {
 
@@ -18,6 +20,10 @@ struct ModelInProgress {
   CameraBeliefs beliefs;
   // Depth maps, by how well they agree at the start.
   DepthPriors depth_priors;
+  // Positions of the images, once the model is in their frame, and how it came
+  // there.
+  CenterPriors center_priors;
+  std::optional<Similarity3d> positions_from_start;
   // Residual from which the loss of the final adjustments grows linearly [px].
   double final_loss_scale_px = 0;
 };

@@ -149,10 +149,24 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
   return consistent;
 }
 
+PositioningPriors PriorsOf(const CenterPriors& center_priors,
+                           const GlobalPositioningOptions& options,
+                           const ImageIndex& index) {
+  PositioningPriors priors;
+  if (center_priors.centers.empty()) return priors;
+  priors.weight = {options.ray_stddev, center_priors.loss_scale};
+  priors.centers.resize(index.Size());
+  for (const auto& [image_id, prior] : center_priors.centers) {
+    priors.centers.at(index.Of(image_id)) = prior;
+  }
+  return priors;
+}
+
 // Agreement with epipolar lines does not bring back look-alikes that an
 // imported score excluded or that are displaced along the baseline.
 bool StaysOut(PairStatus status) {
   return status == PairStatus::LOW_PAIR_SCORE ||
+         status == PairStatus::POSITION_OUTLIER ||
          status == PairStatus::TRANSLATION_OUTLIER;
 }
 
@@ -177,7 +191,8 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
                                          const DepthPriors& priors,
                                          colmap::image_t fixed_image,
-                                         colmap::Reconstruction* model) {
+                                         colmap::Reconstruction* model,
+                                         const CenterPriors& center_priors) {
   const ImageIndex index(SortedRegisteredImages(*model));
   const std::vector<colmap::point3D_t> point_ids = SortedPoints(*model);
   std::vector<Eigen::Vector3d> centers;
@@ -218,10 +233,15 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
     }
     points.push_back(point.XYZ());
   }
-  GlobalPositioningOptions positioning = options.global_positioning;
+  auto positioning = options.global_positioning;
   positioning.num_threads = EffectiveNumThreads(options.num_threads);
-  const GlobalPositioningSummary summary = SolveGlobalPositioning(
-      observations, index.Of(fixed_image), positioning, &centers, &points);
+  const auto summary =
+      SolveGlobalPositioning(observations,
+                             index.Of(fixed_image),
+                             positioning,
+                             &centers,
+                             &points,
+                             PriorsOf(center_priors, positioning, index));
   if (!summary.success) return summary;
   for (int i = 0; i < index.Size(); ++i) {
     SetCenterInWorld(centers[i], &model->Image(index.IdOf(i)));

@@ -55,11 +55,14 @@ struct ModelRefinementOptions {
 
 // Refines centres and points with fixed rotations (DGSfM Eq. 17). The centre
 // of fixed_image stays. With use_depth, the depth maps of images that see too
-// few points with parallax take part. Returns the solver's summary.
-GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
-                                         const DepthPriors& priors,
-                                         colmap::image_t fixed_image,
-                                         colmap::Reconstruction* model);
+// few points with parallax take part. Returns the solver's summary. Center
+// priors, if there are any, hold the model instead of fixed_image.
+GlobalPositioningSummary PositionCameras(
+    const ModelRefinementOptions& options,
+    const DepthPriors& priors,
+    colmap::image_t fixed_image,
+    colmap::Reconstruction* model,
+    const CenterPriors& center_priors = CenterPriors());
 
 // Removes observations more than max_angle_deg off their point or behind the
 // camera, and points left with one; returns the number of observations.

@@ -10,7 +10,7 @@ namespace {
 
 TEST(PairStatusName, IsUnique) {
   std::set<std::string> names;
-  const int last = static_cast<int>(PairStatus::MODEL_OUTLIER);
+  const int last = static_cast<int>(PairStatus::POSITION_OUTLIER);
   for (int status = 0; status <= last; ++status) {
     names.insert(PairStatusName(static_cast<PairStatus>(status)));
   }

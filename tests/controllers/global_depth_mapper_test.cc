@@ -142,35 +142,6 @@ TEST_F(GlobalDepthMapperTest, NamesAreCheckedOrWritten) {
   EXPECT_EQ(Map(), 0);
 }
 
-TEST_F(GlobalDepthMapperTest, SaysThatPosePriorsAreNotUsed) {
-  const auto warning = [this] {
-    return RunForTest(&RunDepthGlobalMapper,
-                      {"--database_path",
-                       path_,
-                       "--output_path",
-                       dir_ + "/models",
-                       "--num_threads",
-                       "1"})
-        .err;
-  };
-  const auto is_named = testing::AllOf(
-      testing::HasSubstr("pose priors of 3 images, which are not used"),
-      testing::HasSubstr("colmap model_aligner --input_path " + dir_ +
-                         "/models/0"));
-  EXPECT_THAT(warning(), testing::Not(testing::HasSubstr("pose priors")));
-  const SqliteConnection connection(path_, SqliteConnection::Mode::READ_WRITE);
-  connection.Execute("UPDATE images SET prior_tx = 7 WHERE image_id <= 3");
-  EXPECT_THAT(warning(), is_named);
-  // As COLMAP has them since 3.12.
-  connection.Execute(
-      "UPDATE images SET prior_tx = NULL;"
-      "CREATE TABLE pose_priors (image_id INTEGER PRIMARY KEY NOT NULL, "
-      "position BLOB, coordinate_system INTEGER NOT NULL);"
-      "INSERT INTO pose_priors VALUES (1, x'00', 0), (2, x'00', 0), "
-      "(3, x'00', 0), (4, NULL, 0)");
-  EXPECT_THAT(warning(), is_named);
-}
-
 TEST_F(GlobalDepthMapperTest, PaperPresetIsAppliedHoweverItIsSaid) {
   const auto is_paper = [this](const std::vector<std::string>& arguments) {
     EXPECT_EQ(Map(arguments), 0);

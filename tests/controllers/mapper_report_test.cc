@@ -39,7 +39,7 @@ PairGeometries JudgedPair() {
 
 nlohmann::json WrittenReport(const DepthGlobalMapperResult& result) {
   const std::string path = CreateTestDir() + "/report.json";
-  WriteMapperReport(path, TwoImages(), JudgedPair(), result);
+  WriteMapperReport(path, TwoImages(), JudgedPair(), std::nullopt, result);
   return nlohmann::json::parse(FileContent(path));
 }
 

@@ -1,0 +1,115 @@
+#include "controllers/pose_prior_file.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+std::string Trim(const std::string& text) {
+  constexpr char kSpaces[] = " \t\r\"";
+  const size_t begin = text.find_first_not_of(kSpaces);
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(kSpaces) + 1 - begin);
+}
+
+std::vector<std::string> SplitLine(const std::string& line) {
+  std::vector<std::string> fields;
+  std::istringstream stream(line);
+  std::string field;
+  if (line.find(',') != std::string::npos) {
+    while (std::getline(stream, field, ',')) fields.push_back(Trim(field));
+  } else {
+    while (stream >> field) fields.push_back(field);
+  }
+  return fields;
+}
+
+// Throws on what is no number.
+double ParseNumber(const std::string& text, const std::string& place) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0') {
+    throw std::runtime_error(place + ": '" + text + "' is no number");
+  }
+  return value;
+}
+
+GivenPose ParseFields(const std::vector<std::string>& fields,
+                      PositionCoordinates coordinates,
+                      const std::string& place) {
+  if (fields.size() != 4 && fields.size() != 6) {
+    throw std::runtime_error(
+        place + ": has " + std::to_string(fields.size()) +
+        " fields, not 4 or 6: name, three coordinates, and perhaps horizontal "
+        "and vertical standard deviation");
+  }
+  GivenPose pose;
+  pose.coordinates = coordinates;
+  pose.position = Eigen::Vector3d(ParseNumber(fields[1], place),
+                                  ParseNumber(fields[2], place),
+                                  fields[3] == "-"
+                                      ? std::numeric_limits<double>::quiet_NaN()
+                                      : ParseNumber(fields[3], place));
+  if (fields.size() == 6) {
+    const double horizontal = ParseNumber(fields[4], place);
+    const double vertical = ParseNumber(fields[5], place);
+    if (!(horizontal > 0) || !(vertical > 0)) {
+      throw std::runtime_error(place +
+                               ": standard deviations must be positive");
+    }
+    pose.covariance = Eigen::Vector3d(horizontal, horizontal, vertical)
+                          .cwiseAbs2()
+                          .asDiagonal();
+  }
+  return pose;
+}
+
+}  // namespace
+
+GivenPoses ReadPosePriorFile(const std::string& path,
+                             PositionCoordinates coordinates,
+                             const Scene& scene) {
+  std::map<std::string, colmap::image_t> image_ids;
+  for (const auto& [image_id, image] : scene.images) {
+    image_ids[image.Name()] = image_id;
+  }
+  std::ifstream file(path);
+  if (!file) throw std::runtime_error("cannot open '" + path + "'");
+  GivenPoses poses;
+  size_t num_unknown = 0;
+  std::string line, first_unknown;
+  for (int number = 1; std::getline(file, line); ++number) {
+    const std::string trimmed = Trim(line);
+    if (trimmed.empty() || trimmed[0] == '#') continue;
+    const std::string place = path + ", line " + std::to_string(number);
+    const std::vector<std::string> fields = SplitLine(trimmed);
+    const GivenPose pose = ParseFields(fields, coordinates, place);
+    const auto image_id = image_ids.find(fields[0]);
+    if (image_id == image_ids.end()) {
+      if (num_unknown++ == 0) first_unknown = fields[0];
+      continue;
+    }
+    if (!poses.emplace(image_id->second, pose).second) {
+      throw std::runtime_error(place + ": image " + fields[0] +
+                               " has a position already");
+    }
+  }
+  if (file.bad()) throw std::runtime_error("cannot read '" + path + "'");
+  if (num_unknown > 0) {
+    LOG(WARNING) << path << " has positions of " << num_unknown
+                 << " images that the database lacks, e.g. " << first_unknown;
+  }
+  return poses;
+}
+
+}  // namespace dgsfm

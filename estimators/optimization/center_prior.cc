@@ -1,0 +1,74 @@
+#include "estimators/optimization/center_prior.h"
+
+#include "estimators/rotation_vector.h"
+
+#include <cmath>
+
+namespace dgsfm {
+
+double CenterPriorCost(const CenterPrior& prior,
+                       const CenterPriorWeight& weight,
+                       const Eigen::Vector3d& center) {
+  const double squared_scale = weight.loss_scale * weight.loss_scale;
+  const double squared_error =
+      (prior.sqrt_information * (center - prior.center)).squaredNorm();
+  return 0.5 * weight.weight * weight.weight * squared_scale *
+         std::log1p(squared_error / squared_scale);
+}
+
+double CenterPriorCost(const CenterPrior& prior,
+                       const CenterPriorWeight& weight,
+                       const Rigid3d& cam_from_world) {
+  if (!prior.Exists()) return 0;
+  return CenterPriorCost(prior, weight, cam_from_world.TargetOriginInSource());
+}
+
+void LinearizeCenterPrior(const CenterPrior& prior,
+                          const CenterPriorWeight& weight,
+                          const Eigen::Vector3d& center,
+                          const Eigen::Matrix3Xd& by_columns,
+                          const int* columns,
+                          std::vector<Eigen::Triplet<double>>* hessian,
+                          Eigen::VectorXd* gradient) {
+  if (!prior.Exists()) return;
+  const Eigen::Vector3d error =
+      prior.sqrt_information * (center - prior.center);
+  const double factor =
+      weight.weight * weight.weight /
+      (1 + error.squaredNorm() / (weight.loss_scale * weight.loss_scale));
+  const Eigen::Matrix3Xd jacobian = prior.sqrt_information * by_columns;
+  const Eigen::MatrixXd product = factor * jacobian.transpose() * jacobian;
+  const Eigen::VectorXd gradient_part = factor * jacobian.transpose() * error;
+  for (Eigen::Index i = 0; i < by_columns.cols(); ++i) {
+    if (columns[i] < 0) continue;
+    (*gradient)(columns[i]) += gradient_part(i);
+    for (Eigen::Index j = 0; j < by_columns.cols(); ++j) {
+      if (columns[j] < 0 || columns[j] > columns[i]) continue;
+      hessian->emplace_back(columns[i], columns[j], product(i, j));
+    }
+  }
+}
+
+void LinearizeCenterPrior(const CenterPrior& prior,
+                          const CenterPriorWeight& weight,
+                          const Rigid3d& cam_from_world,
+                          const int* columns,
+                          std::vector<Eigen::Triplet<double>>* hessian,
+                          Eigen::VectorXd* gradient) {
+  if (!prior.Exists()) return;
+  const Eigen::Matrix3d world_from_cam =
+      cam_from_world.rotation.toRotationMatrix().transpose();
+  // The centre -R^T t moves by -R^T ([t]_x w + dt).
+  Eigen::Matrix3Xd by_pose(3, 6);
+  by_pose << -world_from_cam * CrossMatrix(cam_from_world.translation),
+      -world_from_cam;
+  LinearizeCenterPrior(prior,
+                       weight,
+                       cam_from_world.TargetOriginInSource(),
+                       by_pose,
+                       columns,
+                       hessian,
+                       gradient);
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,297 @@
+#include "sfm/georeferencing/georeferencing.h"
+
+#include "colmap_ext/pose_access.h"
+#include "estimators/median.h"
+#include "sfm/mapping/model_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <glog/logging.h>
+
+namespace dgsfm {
+
+namespace {
+
+// Networks for metric depth are off by a factor that their maps have in common:
+// the scale by depth is not better known than this [log].
+constexpr double kMinDepthScaleStddev = 0.03;
+// Maps that count for it; more have errors in common.
+constexpr double kMaxNumDepthMaps = 20;
+// Positioning with priors is repeated while their errors shrink by this factor,
+// at most so often.
+constexpr double kMinShrinkage = 0.8;
+constexpr int kMaxNumRounds = 3;
+// Guessed standard deviations may turn out to be this much too large.
+constexpr double kMinStddevFactor = 0.05;
+// Median error over the extent of the positions at which these contradict the
+// shape of a model.
+constexpr double kMaxErrorShare = 0.3;
+
+// Unit of the depth maps in that of the model, by metric maps.
+struct DepthScaleOfModel {
+  double scale = 0;
+  double log_stddev = 0;
+};
+
+std::optional<DepthScaleOfModel> MeasureDepthScale(
+    const KeypointDepthMap& depths, const colmap::Reconstruction& model) {
+  std::map<colmap::image_t, double> scales;
+  std::vector<double> log_scales;
+  for (const auto& [image_id, scale] : DepthScalesOfModel(depths, model)) {
+    scales[image_id] = scale.scale;
+    log_scales.push_back(std::log(scale.scale));
+  }
+  const MeasuredUnit unit = UnitOfModel(depths, scales, model);
+  if (unit.unit != ModelUnit::METRES) return std::nullopt;
+  return DepthScaleOfModel{
+      std::exp(Median(log_scales)),
+      std::hypot(
+          kMinDepthScaleStddev,
+          unit.log_spread / std::sqrt(std::min(kMaxNumDepthMaps,
+                                               double(log_scales.size()))))};
+}
+
+// The root of the mean squared distance of the positions from their median.
+double ExtentOf(const PosePriors& priors, const colmap::Reconstruction& model) {
+  std::vector<double> xs, ys, distances;
+  for (const auto& [image_id, prior] : priors) {
+    if (!prior.HasPosition() || !model.ExistsImage(image_id) ||
+        !model.IsImageRegistered(image_id)) {
+      continue;
+    }
+    xs.push_back(prior.position.x());
+    ys.push_back(prior.position.y());
+  }
+  const double x = Median(xs), y = Median(ys);
+  for (size_t i = 0; i < xs.size(); ++i) {
+    distances.push_back(std::hypot(xs[i] - x, ys[i] - y));
+  }
+  return Median(distances);
+}
+
+// Median distance of the centres from the positions in the frame of these [m].
+double MedianErrorOf(const PositionAlignment& alignment,
+                     const PosePriors& priors,
+                     const colmap::Reconstruction& model) {
+  std::vector<double> errors;
+  for (const auto& [image_id, center] : CentersOf(model)) {
+    const auto prior = priors.find(image_id);
+    if (prior == priors.end() || !prior->second.HasPosition()) continue;
+    errors.push_back(
+        (alignment.target_from_source * center - prior->second.position)
+            .norm());
+  }
+  return Median(errors);
+}
+
+// Why positions cannot be used for a model; empty if they can.
+std::string WhyUnusable(const GeoreferencingOptions& options,
+                        const PosePriors& priors,
+                        const std::optional<PositionAlignment>& alignment,
+                        const colmap::Reconstruction& model) {
+  if (!alignment) {
+    return "fewer than three images have one, or all have the same";
+  }
+  if (!(alignment->log_scale_stddev <= options.max_log_scale_stddev)) {
+    return "they differ by hardly more than their errors, which leaves the "
+           "scale open";
+  }
+  if (MedianErrorOf(*alignment, priors, model) >
+      kMaxErrorShare * ExtentOf(priors, model)) {
+    return "they contradict the shape of the model. Check that they belong to "
+           "the images, and that latitude and longitude are not swapped";
+  }
+  return "";
+}
+
+double SpreadOf(const CenterPriors& priors,
+                const colmap::Reconstruction& model) {
+  return SpreadOfErrors(CenterErrors(priors, model));
+}
+
+// Standard deviations that the given ones must be multiplied with to explain
+// the errors: more than they say, or, where they are guesses, less.
+double StddevFactor(const PosePriors& priors, double spread) {
+  const size_t num_known =
+      std::count_if(priors.begin(), priors.end(), [](const auto& prior) {
+        return prior.second.has_covariance;
+      });
+  return std::max(2 * num_known > priors.size() ? 1 : kMinStddevFactor, spread);
+}
+
+void MeasureErrors(const PosePriors& priors,
+                   const colmap::Reconstruction& model,
+                   ModelGeoreference* result) {
+  std::vector<double> horizontal, vertical;
+  for (const auto& [image_id, center] : CentersOf(model)) {
+    const auto prior = priors.find(image_id);
+    if (prior == priors.end() || !prior->second.HasPosition()) continue;
+    const Eigen::Vector3d error = center - prior->second.position;
+    result->errors[image_id] = error;
+    horizontal.push_back(error.head<2>().norm());
+    vertical.push_back(std::abs(error.z()));
+  }
+  if (horizontal.empty()) return;
+  result->median_horizontal_error_m = Median(horizontal);
+  result->median_vertical_error_m = Median(vertical);
+}
+
+void DescribeAlignment(const PositionAlignment& alignment,
+                       ModelGeoreference* result) {
+  result->num_positions = alignment.errors.size();
+  result->num_inliers = alignment.num_inliers;
+  result->spread = alignment.spread;
+  result->log_scale_stddev_of_positions = alignment.log_scale_stddev;
+  result->rotation_stddev_deg = alignment.rotation_stddev_rad * 180 / M_PI;
+}
+
+bool HasPositions(const PosePriors& priors) {
+  return std::any_of(priors.begin(), priors.end(), [](const auto& prior) {
+    return prior.second.HasPosition();
+  });
+}
+
+// A turn that takes the vertical to the z axis.
+void StandUpright(const MappingContext& context,
+                  colmap::Reconstruction* model) {
+  const auto up = UpOfModel(
+      context.options.georeferencing, context.scene.pose_priors, *model);
+  if (!up) return;
+  Similarity3d upright;
+  upright.rotation = Eigen::Quaterniond::FromTwoVectors(
+      up->in_world, Eigen::Vector3d::UnitZ());
+  TransformModel(upright, model);
+  LOG(INFO) << "The model of " << model->NumRegImages()
+            << " images stands upright by "
+            << (up->is_by_gravity ? "gravity" : "cameras held level")
+            << " (median deviation " << up->spread_rad * 180 / M_PI << " deg)";
+}
+
+void WarnOfUnusable(const std::string& reason,
+                    const colmap::Reconstruction& model,
+                    MappingLog* log) {
+  log->Warn("The positions of the images are not used for a model of " +
+            std::to_string(model.NumRegImages()) + " images: " + reason);
+}
+
+// Puts a model in metres by depth at the positions of its images.
+void PlaceByPositions(const MappingContext& context,
+                      colmap::Reconstruction* model,
+                      ModelGeoreference* result,
+                      MappingLog* log) {
+  const GeoreferencingOptions& options = context.options.georeferencing;
+  const PosePriors& priors = context.scene.pose_priors;
+  const auto free = AlignToPositions(options, priors, std::nullopt, *model);
+  const auto depth = MeasureDepthScale(context.depths, *model);
+  const std::string reason = WhyUnusable(options, priors, free, *model);
+  if (!depth || !free) {
+    if (!reason.empty()) WarnOfUnusable(reason, *model, log);
+    return;
+  }
+  const auto placed = AlignToPositions(options, priors, 1.0, *model);
+  if (!placed) return;
+  DescribeAlignment(*placed, result);
+  result->log_scale_stddev_of_positions = free->log_scale_stddev;
+  result->scale_of_depth = free->target_from_source.scale;
+  result->log_scale_stddev_of_depth = depth->log_stddev;
+  result->scale_source = ScaleSource::DEPTH;
+  if (!options.georeference) return;
+  TransformModel(placed->target_from_source, model);
+  result->is_georeferenced = true;
+}
+
+}  // namespace
+
+void UsePositions(const MappingContext& context,
+                  colmap::image_t fixed_image,
+                  ModelInProgress* progress,
+                  MappingLog* log) {
+  progress->center_priors = CenterPriors();
+  progress->positions_from_start.reset();
+  const GeoreferencingOptions& options = context.options.georeferencing;
+  const PosePriors& priors = context.scene.pose_priors;
+  if (!options.use_positions || !HasPositions(priors)) return;
+  StageTimer timer("position_priors");
+  colmap::Reconstruction& model = progress->model;
+  const auto alignment = AlignToPositions(options, priors, std::nullopt, model);
+  if (!WhyUnusable(options, priors, alignment, model).empty()) return;
+  const auto depth = MeasureDepthScale(context.depths, model);
+  if (depth && depth->log_stddev < alignment->log_scale_stddev) return;
+
+  TransformModel(alignment->target_from_source, &model);
+  progress->positions_from_start = alignment->target_from_source;
+  CenterPriors center_priors = CenterPriorsOf(options, priors, 1, model);
+  double spread = SpreadOf(center_priors, model);
+  for (int round = 0; round < kMaxNumRounds; ++round) {
+    // Where the model is bent, positions are off without being wrong.
+    center_priors.loss_scale = options.loss_scale * std::max(1.0, spread);
+    if (!PositionCameras(context.options.refinement,
+                         progress->depth_priors,
+                         fixed_image,
+                         &model,
+                         center_priors)
+             .success) {
+      LOG(WARNING) << "Positioning with the positions of the images failed";
+      break;
+    }
+    const double last_spread = spread;
+    spread = SpreadOf(center_priors, model);
+    if (spread > kMinShrinkage * last_spread) break;
+  }
+  const double factor = StddevFactor(priors, spread);
+  progress->center_priors = CenterPriorsOf(options, priors, factor, model);
+  timer.Add("images", double(center_priors.centers.size()))
+      .Add("inliers", double(alignment->num_inliers))
+      .Add("spread", spread)
+      .Add("stddev_factor", factor);
+  timer.Finish(&log->stages);
+}
+
+ModelGeoreference FinishFrame(const MappingContext& context,
+                              ModelInProgress* progress,
+                              MetricScale* metric,
+                              MappingLog* log) {
+  ModelGeoreference result;
+  const GeoreferencingOptions& options = context.options.georeferencing;
+  const PosePriors& priors = context.scene.pose_priors;
+  colmap::Reconstruction& model = progress->model;
+  if (progress->positions_from_start) {
+    // What the positions leave open, such as the turn about a line that they
+    // are on, is as the cameras are held.
+    const auto alignment =
+        AlignToPositions(options, priors, std::nullopt, model);
+    if (alignment) {
+      TransformModel(alignment->target_from_source, &model);
+      DescribeAlignment(*alignment, &result);
+    }
+    result.scale_source = ScaleSource::POSITIONS;
+    if (const auto depth = MeasureDepthScale(context.depths, model)) {
+      result.scale_of_depth = 1 / depth->scale;
+      result.log_scale_stddev_of_depth = depth->log_stddev;
+    }
+    result.is_georeferenced = options.georeference;
+    MeasureErrors(priors, model, &result);
+    if (!options.georeference) {
+      TransformModel(progress->positions_from_start->Inverse(), &model);
+      *metric = NormalizeToDepth(context.depths, &model);
+    }
+  } else {
+    *metric = NormalizeToDepth(context.depths, &model);
+    if (options.use_positions && HasPositions(priors) &&
+        model.NumRegImages() > 0) {
+      PlaceByPositions(context, &model, &result, log);
+      if (result.is_georeferenced) MeasureErrors(priors, model, &result);
+    }
+  }
+  if (!result.is_georeferenced && options.upright) {
+    StandUpright(context, &model);
+  }
+  return result;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,128 @@
+#include "sfm/georeferencing/model_alignment.h"
+
+#include "colmap_ext/pose_access.h"
+#include "sfm/mapping/model_access.h"
+
+#include <colmap/base/similarity_transform.h>
+
+#include <Eigen/Cholesky>
+
+namespace dgsfm {
+
+namespace {
+
+// The vertical by gravity, and by cameras held level, is off by this [deg].
+constexpr double kGravityStddevDeg = 2;
+constexpr double kLevelStddevDeg = 5;
+
+// Positions of the registered images, in the order of their ids.
+std::vector<colmap::image_t> ImagesWithPosition(
+    const PosePriors& priors, const colmap::Reconstruction& model) {
+  std::vector<colmap::image_t> image_ids;
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
+    const auto prior = priors.find(image_id);
+    if (prior != priors.end() && prior->second.HasPosition()) {
+      image_ids.push_back(image_id);
+    }
+  }
+  return image_ids;
+}
+
+Eigen::Vector3d CenterOf(const colmap::Reconstruction& model,
+                         colmap::image_t image_id) {
+  return CamFromWorld(model.Image(image_id)).TargetOriginInSource();
+}
+
+// L of the information L^T L of a covariance L^-1 L^-T.
+Eigen::Matrix3d SqrtInformation(const Eigen::Matrix3d& covariance) {
+  const Eigen::Matrix3d lower = covariance.llt().matrixL();
+  return lower.inverse();
+}
+
+}  // namespace
+
+std::string ScaleSourceName(ScaleSource source) {
+  switch (source) {
+    case ScaleSource::NONE:
+      return "none";
+    case ScaleSource::POSITIONS:
+      return "positions";
+    case ScaleSource::DEPTH:
+      return "depth";
+  }
+  return "unknown";
+}
+
+std::optional<UpDirection> UpOfModel(const GeoreferencingOptions& options,
+                                     const PosePriors& priors,
+                                     const colmap::Reconstruction& model) {
+  std::vector<LevelCamera> cameras;
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
+    LevelCamera& camera = cameras.emplace_back();
+    camera.cam_from_world = CamFromWorld(model.Image(image_id)).rotation;
+    const auto prior = priors.find(image_id);
+    if (prior != priors.end()) camera.gravity = prior->second.gravity;
+  }
+  return FindUpDirection(options.up_direction, cameras);
+}
+
+std::optional<PositionAlignment> AlignToPositions(
+    const GeoreferencingOptions& options,
+    const PosePriors& priors,
+    const std::optional<double>& scale,
+    const colmap::Reconstruction& model) {
+  std::vector<PositionMatch> matches;
+  for (const colmap::image_t image_id : ImagesWithPosition(priors, model)) {
+    const PosePrior& prior = priors.at(image_id);
+    matches.push_back({CenterOf(model, image_id),
+                       prior.position,
+                       SqrtInformation(prior.covariance)});
+  }
+  std::optional<DirectionMatch> up;
+  if (const auto found = UpOfModel(options, priors, model)) {
+    up = DirectionMatch();
+    up->source = found->in_world;
+    up->stddev_rad =
+        (found->is_by_gravity ? kGravityStddevDeg : kLevelStddevDeg) * M_PI /
+        180;
+  }
+  PositionAlignmentOptions alignment;
+  alignment.loss_scale = options.loss_scale;
+  alignment.fixed_scale = scale;
+  return AlignPositions(alignment, matches, up);
+}
+
+void TransformModel(const Similarity3d& new_from_old,
+                    colmap::Reconstruction* model) {
+  model->Transform(
+      colmap::SimilarityTransform3(new_from_old.scale,
+                                   QvecFromRotation(new_from_old.rotation),
+                                   new_from_old.translation));
+}
+
+CenterPriors CenterPriorsOf(const GeoreferencingOptions& options,
+                            const PosePriors& priors,
+                            double stddev_factor,
+                            const colmap::Reconstruction& model) {
+  CenterPriors result;
+  result.loss_scale = options.loss_scale;
+  for (const colmap::image_t image_id : ImagesWithPosition(priors, model)) {
+    const PosePrior& prior = priors.at(image_id);
+    result.centers[image_id] = {
+        prior.position, SqrtInformation(prior.covariance) / stddev_factor};
+  }
+  return result;
+}
+
+std::vector<double> CenterErrors(const CenterPriors& priors,
+                                 const colmap::Reconstruction& model) {
+  std::vector<double> errors;
+  for (const auto& [image_id, prior] : priors.centers) {
+    errors.push_back(
+        (prior.sqrt_information * (CenterOf(model, image_id) - prior.center))
+            .norm());
+  }
+  return errors;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,25 @@
+// Models that no match connects, but that are in one frame.
+
+#pragma once
+
+#include "sfm/georeferencing/model_alignment.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/reconstruction.h>
+
+#include <memory>
+#include <vector>
+
+namespace dgsfm {
+
+// Joins the models that are georeferenced into one, the first of them. Cameras
+// of a later model that differ from those of the same id in an earlier one get
+// ids from `first_new_camera_id` on. The georeference of the joined model
+// counts the images of all and has the sizes of its parts.
+void JoinGeoreferencedModels(
+    colmap::camera_t first_new_camera_id,
+    std::vector<std::unique_ptr<colmap::Reconstruction>>* models,
+    std::vector<ModelGeoreference>* georeferences);
+
+}  // namespace dgsfm
