@@ -1,6 +1,7 @@
 #include "colmap_ext/database/pose_prior_reader.h"
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
@@ -35,11 +36,15 @@ std::vector<double> ReadNumbers(const SqliteConnection& connection,
                                 const std::string& name) {
   std::vector<double> values;
   if (row.IsNull(column)) return values;
-  values = row.Blob<double>(column);
-  if (!values.empty() && values.size() != count) {
-    throw connection.Error() << "image " << name << ": " << what << " has "
-                             << values.size() << " numbers, not " << count;
+  const std::vector<char> bytes = row.Blob<char>(column);
+  if (bytes.empty()) return values;
+  if (bytes.size() != count * sizeof(double)) {
+    throw connection.Error()
+        << "image " << name << ": " << what << " has " << bytes.size()
+        << " bytes, not " << count * sizeof(double);
   }
+  values.resize(count);
+  std::memcpy(values.data(), bytes.data(), bytes.size());
   return values;
 }
 
