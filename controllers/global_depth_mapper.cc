@@ -3,14 +3,17 @@
 #include "colmap_ext/database/colmap_schema.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/keypoint_selection.h"
+#include "colmap_ext/database/rig_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/depth/image_orientation.h"
 #include "colmap_ext/model/model_writer.h"
+#include "colmap_ext/model/rig_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
 #include "controllers/mapper_report.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
+#include "sfm/mapping/rig_model.h"
 
 #include <cmath>
 #include <filesystem>
@@ -106,6 +109,18 @@ void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
                   "depth_importer --displayed_image_path";
 }
 
+RigScene LoadRigs(const GlobalDepthMapperOptions& options, const Scene& scene) {
+  if (options.ignore_rigs) return {};
+  const RigScene rigs = options.rig_config_path.empty()
+                            ? ReadRigs(options.verifier.database_path, scene)
+                            : ReadRigConfig(options.rig_config_path, scene);
+  if (!rigs.Empty()) {
+    LOG(INFO) << rigs.rigs.size() << " rigs, " << rigs.frames.size()
+              << " frames of several images";
+  }
+  return rigs;
+}
+
 std::string PairName(const Scene& scene, colmap::image_pair_t pair_id) {
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
   return scene.images.at(image_id1).Name() + ", " +
@@ -143,10 +158,10 @@ bool GlobalDepthMapper::Run() {
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
-  if (!options_.ignore_rigs) CheckHasNoRig(options_.verifier.database_path);
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
+  scene.rigs = LoadRigs(options_, scene);
   WarnOfPosePriors(options_);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
@@ -174,7 +189,7 @@ bool GlobalDepthMapper::Run() {
                        &pairs);
   scene.cameras = given_cameras;
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
-  StageModels(folder, &result);
+  StageModels(folder, scene.rigs, &result);
   WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
@@ -243,6 +258,7 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
 }
 
 void GlobalDepthMapper::StageModels(const RunFolder& folder,
+                                    const RigScene& rigs,
                                     DepthGlobalMapperResult* result) {
   StageTimer timer("write_models");
   for (size_t i = 0; i < result->models.size(); ++i) {
@@ -251,7 +267,13 @@ void GlobalDepthMapper::StageModels(const RunFolder& folder,
                          options_.mapper.num_threads,
                          result->models[i].get());
     }
-    WriteModel(*result->models[i], folder.StagedModel(i));
+    const colmap::Reconstruction& model = *result->models[i];
+    WriteModel(model, folder.StagedModel(i));
+    if (rigs.Empty()) continue;
+    const std::set<colmap::camera_t> calibrated =
+        CamerasToCalibrate(rigs, options_.mapper.refine_sensor_from_rig);
+    WriteRigs(
+        CalibrateRigs(calibrated, model, rigs), model, folder.StagedModel(i));
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);

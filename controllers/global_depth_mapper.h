@@ -25,7 +25,9 @@ class GlobalDepthMapper {
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages) const;
-  void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
+  void StageModels(const RunFolder& folder,
+                   const RigScene& rigs,
+                   DepthGlobalMapperResult* result);
   void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;

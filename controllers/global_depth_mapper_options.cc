@@ -146,6 +146,10 @@ void BindMapper(DepthGlobalMapperOptions* options,
       .Add("min_model_size",
            &options->min_model_size,
            "models with fewer images are not written")
+      .Add("refine_sensor_from_rig",
+           &options->refine_sensor_from_rig,
+           "whether known poses of cameras in their rigs are refined; unknown "
+           "ones always are")
       .Add("multiple_models",
            &options->multiple_models,
            "one model per connected component, else only the largest");
@@ -205,7 +209,11 @@ void BindOptions(GlobalDepthMapperOptions* options,
   command_options->Add("ignore_rigs",
                        &options->ignore_rigs,
                        "whether images of rigs of several cameras are mapped "
-                       "as if each moved by itself, else they are refused");
+                       "as if each moved by itself");
+  command_options->Add("rig_config_path",
+                       &options->rig_config_path,
+                       "rig_config.json of COLMAP's rig_configurator, in place "
+                       "of the rigs of the database");
   command_options->AddRequired(
       "output_path",
       &options->output_path,

@@ -16,8 +16,11 @@ struct GlobalDepthMapperOptions {
   // Whether the EXIF data of images without a prior focal length count.
   bool use_exif = true;
   // Whether images of rigs of several cameras are mapped as if each moved by
-  // itself; otherwise they are refused.
+  // itself.
   bool ignore_rigs = false;
+  // File of COLMAP's rig_configurator, in place of the rigs of the database;
+  // empty = none.
+  std::string rig_config_path;
   // Existing folder that receives 0/, 1/, ..., report.json and project.ini.
   std::string output_path;
   // File of pair scores, see ReadPairScores; empty = none.

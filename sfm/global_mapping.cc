@@ -37,6 +37,7 @@ std::optional<ComponentRotations> AverageRotationsOf(
       AverageComponentRotations(context.options.averaging,
                                 context.scene,
                                 context.depths,
+                                context.frames,
                                 image_ids,
                                 pairs);
   if (!rotations) {
@@ -67,7 +68,7 @@ void MapComponents(const MappingContext& context,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
-  std::vector<ImageIds> components = ConnectedImages(*pairs);
+  std::vector<ImageIds> components = ConnectedImages(*pairs, context.frames);
   if (!options.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
     const ImageIds image_ids = components[i];
@@ -186,8 +187,9 @@ DepthGlobalMapperResult RunGlobalMapping(
   result.focals =
       AverageFocals(options, verification, *depths, scene, pairs, &log);
   WarnOfPlanes(*scene, *pairs, &log);
+  const FrameMembers frames = MembersOf(scene->rigs);
   const MappingContext context = {
-      options, verification, *scene, *depths, camera_beliefs};
+      options, verification, *scene, *depths, frames, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
   MeasureUnits(*depths, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);

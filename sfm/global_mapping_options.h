@@ -29,6 +29,9 @@ struct DepthGlobalMapperOptions {
   // Whether images of one camera entry that turn out to have focal lengths of
   // their own get cameras of their own.
   bool split_cameras = true;
+  // Whether known poses of cameras in their rigs are refined; unknown ones
+  // always are.
+  bool refine_sensor_from_rig = false;
   // Whether the repeatability of the models is measured, see
   // SplitHalfRepeatability.
   bool measure_repeatability = false;

@@ -30,12 +30,6 @@ constexpr double kMaxCameraParam = 1e12;
 constexpr double kMinFocalLength = 1e-3;   // [px]
 constexpr double kMaxCoordinatePx = 1e12;  // of key points
 
-// Sensor type of cameras in the tables rigs and rig_sensors.
-constexpr char kMultiCameraRigQuery[] =
-    "SELECT rig_id, sensor_id FROM rig_sensors WHERE sensor_type = 0 "
-    "EXCEPT SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = 0 "
-    "ORDER BY rig_id LIMIT 1";
-
 std::string CameraModelDescription(int64_t model_id) {
   // Added by COLMAP after 3.8.
   static const std::vector<std::string> kNewerModels = {
@@ -306,25 +300,6 @@ std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
   select.BindInt(1, image.ImageId());
   if (!select.Step()) return std::vector<Eigen::Vector2d>();
   return ReadPoints(connection, select, image.Name());
-}
-
-void CheckHasNoRig(const std::string& database_path) {
-  const SqliteConnection connection(database_path,
-                                    SqliteConnection::Mode::READ_ONLY);
-  if (!connection.HasTable("rigs") || !connection.HasTable("rig_sensors")) {
-    return;
-  }
-  SqliteStatement select(connection, kMultiCameraRigQuery);
-  if (!select.Step()) return;
-  SqliteStatement images(connection,
-                         "SELECT name FROM images WHERE camera_id = ? "
-                         "ORDER BY image_id LIMIT 1");
-  images.BindInt(1, select.Int(1));
-  throw connection.Error()
-      << "rig " << select.Int(0) << " has more than one camera (such as camera "
-      << select.Int(1) << (images.Step() ? " of image " + images.Text(0) : "")
-      << "); rigs are not supported: --ignore_rigs 1 maps their images as if "
-         "each moved by itself";
 }
 
 }  // namespace dgsfm

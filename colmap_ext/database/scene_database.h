@@ -39,10 +39,6 @@ Scene ReadSceneWithoutFeatures(
     const std::string& database_path,
     std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
 
-// Throws std::runtime_error naming the rig if images of several cameras move
-// together (COLMAP 3.12 and later), which Scene cannot represent.
-void CheckHasNoRig(const std::string& database_path);
-
 // The key points of one image of the scene [px]; none if it has no row. Throws
 // as ReadScene().
 std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,

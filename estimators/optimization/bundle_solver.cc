@@ -33,13 +33,29 @@ struct ParameterBlock {
   bool in_terms = false;
 };
 
+// Moves a pose by the step of the columns that have one.
+template <typename Columns>
+void MovePose(const Columns& columns,
+              const Eigen::VectorXd& column_steps,
+              Rigid3d* pose) {
+  Eigen::Matrix<double, kPose, 1> step;
+  for (int i = 0; i < kPose; ++i) {
+    step(i) = columns[i] < 0 ? 0 : column_steps(columns[i]);
+  }
+  pose->rotation =
+      (RotationFromVector(step.template head<3>()) * pose->rotation)
+          .normalized();
+  pose->translation += step.template tail<3>();
+}
+
 // With kUseDepth a third residual, that of the prior depth, and a further
-// parameter of each image, its log scale, the first after the pose.
-template <int kNumIntrinsics, bool kUseDepth>
+// parameter of each image, its log scale, the first after the pose. Up to
+// kNumShared parameters are those of its camera and of its sensor.
+template <int kNumShared, bool kUseDepth>
 class BundleProblem
-    : public PointProblem<2 + kUseDepth, kPose + kUseDepth + kNumIntrinsics> {
+    : public PointProblem<2 + kUseDepth, kPose + kUseDepth + kNumShared> {
  public:
-  using Base = PointProblem<2 + kUseDepth, kPose + kUseDepth + kNumIntrinsics>;
+  using Base = PointProblem<2 + kUseDepth, kPose + kUseDepth + kNumShared>;
   using Row = typename Base::Row;
 
   BundleProblem(double loss_scale_px,
@@ -50,7 +66,7 @@ class BundleProblem
         bundle_(bundle) {
     SortObservations();
     AssignColumns();
-    UpdateRotations();
+    UpdatePoses();
   }
 
   double Cost(int k) const override {
@@ -67,9 +83,8 @@ class BundleProblem
 
   void Linearize(int k, Row* row) const override {
     const BundleObservation& observation = Observation(k);
-    const int image_index = observation.image;
     const BundleCamera& camera =
-        bundle_->cameras[bundle_->images[image_index].camera];
+        bundle_->cameras[bundle_->images[observation.image].camera];
     Eigen::Vector2d xy_px;
     ProjectionJacobian jacobian;
     Project(k, &xy_px, &jacobian);
@@ -80,18 +95,14 @@ class BundleProblem
         std::sqrt(std::sqrt(1 + residual.squaredNorm() / squared_loss_scale_));
     row->residual.template head<2>() = weight * residual;
     jacobian.point *= weight;
-    const Eigen::Matrix3d& rotation = rotations_[image_index];
+    row->by_camera.template bottomRows<kUseDepth + kNumShared>().setZero();
     const Eigen::Vector3d rotated =
-        rotation * bundle_->points[observation.point];
+        rotations_[observation.image] * bundle_->points[observation.point];
     for (int i = 0; i < 2; ++i) {
-      const Eigen::Vector3d by_point = jacobian.point.row(i);
-      row->by_camera.template block<3, 1>(0, i) = rotated.cross(by_point);
-      row->by_camera.template block<3, 1>(3, i) = by_point;
-      row->by_point.col(i).noalias() = rotation.transpose() * by_point;
+      LinearizePose(k, rotated, jacobian.point.row(i), i, row);
     }
-    row->by_camera.template bottomRows<kUseDepth + kNumIntrinsics>().setZero();
     for (size_t i = 0; i < camera.refined_params.size(); ++i) {
-      row->by_camera.row(kFirstIntrinsic + i).template head<2>() =
+      row->by_camera.row(kFirstShared + i).template head<2>() =
           weight * jacobian.params.col(camera.refined_params[i]).transpose();
     }
     if constexpr (kUseDepth) LinearizeDepth(k, rotated, row);
@@ -136,17 +147,22 @@ class BundleProblem
             const std::vector<Eigen::Vector3d>& point_steps) override {
     Save();
     for (size_t i = 0; i < bundle_->images.size(); ++i) {
-      Eigen::Matrix<double, kFirstIntrinsic, 1> step;
-      for (int j = 0; j < kFirstIntrinsic; ++j) {
-        const int column = this->camera_columns[i][j];
-        step(j) = column < 0 ? 0 : column_steps(column);
+      BundleImage& image = bundle_->images[i];
+      const auto& columns = this->camera_columns[i];
+      if (kUseDepth && columns[kPose] >= 0) {
+        image.log_depth_scale += column_steps(columns[kPose]);
       }
-      if (kUseDepth) bundle_->images[i].log_depth_scale += step(kPose);
-      Rigid3d& pose = bundle_->images[i].cam_from_world;
-      pose.rotation =
-          (RotationFromVector(step.template head<3>()) * pose.rotation)
-              .normalized();
-      pose.translation += step.template segment<3>(3);
+      if (image.frame < 0) {
+        MovePose(columns, column_steps, &image.cam_from_world);
+      }
+    }
+    for (size_t i = 0; i < frame_columns_.size(); ++i) {
+      MovePose(
+          frame_columns_[i], column_steps, &bundle_->frames[i].rig_from_world);
+    }
+    for (size_t i = 0; i < sensor_columns_.size(); ++i) {
+      MovePose(
+          sensor_columns_[i], column_steps, &bundle_->sensors[i].cam_from_rig);
     }
     for (ParameterBlock& block : parameters_) {
       for (size_t i = 0; i < block.columns.size(); ++i) {
@@ -158,13 +174,13 @@ class BundleProblem
     for (size_t i = 0; i < bundle_->points.size(); ++i) {
       bundle_->points[i] += point_steps[i];
     }
-    UpdateRotations();
+    UpdatePoses();
   }
 
   void Undo() override {
-    for (size_t i = 0; i < bundle_->images.size(); ++i) {
-      bundle_->images[i] = saved_images_[i];
-    }
+    bundle_->images = saved_images_;
+    bundle_->frames = saved_frames_;
+    bundle_->sensors = saved_sensors_;
     size_t next = 0;
     for (ParameterBlock& block : parameters_) {
       for (size_t i = 0; i < block.columns.size(); ++i) {
@@ -172,13 +188,14 @@ class BundleProblem
       }
     }
     bundle_->points.swap(saved_points_);
-    UpdateRotations();
+    UpdatePoses();
   }
 
   Eigen::Vector3d& Point(int point) override { return bundle_->points[point]; }
 
  private:
-  static constexpr int kFirstIntrinsic = kPose + kUseDepth;
+  static constexpr int kFirstShared = kPose + kUseDepth;
+  using PoseColumns = std::array<int, kPose>;
 
   const BundleObservation& Observation(int k) const {
     return bundle_->observations[k];
@@ -210,6 +227,42 @@ class BundleProblem
            std::log1p(ratio * ratio);
   }
 
+  // Derivatives of a residual by poses and point, given the point rotated into
+  // the camera's frame and the derivative by the point in that frame.
+  void LinearizePose(int k,
+                     const Eigen::Vector3d& rotated,
+                     const Eigen::Vector3d& by_point_in_cam,
+                     int residual,
+                     Row* row) const {
+    const BundleObservation& observation = Observation(k);
+    const BundleImage& image = bundle_->images[observation.image];
+    row->by_point.col(residual).noalias() =
+        rotations_[observation.image].transpose() * by_point_in_cam;
+    if (image.frame < 0) {
+      row->by_camera.template block<3, 1>(0, residual) =
+          rotated.cross(by_point_in_cam);
+      row->by_camera.template block<3, 1>(3, residual) = by_point_in_cam;
+      return;
+    }
+    const BundleSensor& sensor = bundle_->sensors[image.sensor];
+    const Eigen::Quaterniond rig_from_cam =
+        sensor.cam_from_rig.rotation.conjugate();
+    const Eigen::Vector3d by_point_in_rig = rig_from_cam * by_point_in_cam;
+    row->by_camera.template block<3, 1>(0, residual) =
+        (rig_from_cam * rotated).cross(by_point_in_rig);
+    row->by_camera.template block<3, 1>(3, residual) = by_point_in_rig;
+    if (!sensor.is_refined) return;
+    const Eigen::Vector3d rotated_by_sensor = rotated +
+                                              image.cam_from_world.translation -
+                                              sensor.cam_from_rig.translation;
+    const Eigen::Index first =
+        kFirstShared +
+        Eigen::Index(bundle_->cameras[image.camera].refined_params.size());
+    row->by_camera.template block<3, 1>(first, residual) =
+        rotated_by_sensor.cross(by_point_in_cam);
+    row->by_camera.template block<3, 1>(first + 3, residual) = by_point_in_cam;
+  }
+
   void LinearizeDepth(int k, const Eigen::Vector3d& rotated, Row* row) const {
     row->residual(2) = 0;
     row->by_camera.col(2).setZero();
@@ -224,11 +277,8 @@ class BundleProblem
     const double by_log = weight / image.depth_stddev;
     const Eigen::Vector3d by_point = Eigen::Vector3d::UnitZ() * (by_log / z);
     row->residual(2) = weight * error;
-    row->by_camera.template block<3, 1>(0, 2) = rotated.cross(by_point);
-    row->by_camera.template block<3, 1>(3, 2) = by_point;
+    LinearizePose(k, rotated, by_point, 2, row);
     row->by_camera(kPose, 2) = -by_log;
-    row->by_point.col(2).noalias() =
-        rotations_[observation.image].transpose() * by_point;
   }
 
   bool Project(int k,
@@ -281,22 +331,45 @@ class BundleProblem
       }
       parameters_.push_back(block);
     }
+    for (const BundleFrame& frame : bundle_->frames) {
+      frame_columns_.push_back(NewPoseColumns(frame.is_constant));
+    }
+    for (const BundleSensor& sensor : bundle_->sensors) {
+      std::array<bool, kPose> is_constant;
+      is_constant.fill(!sensor.is_refined);
+      sensor_columns_.push_back(NewPoseColumns(is_constant));
+    }
     for (const BundleImage& image : bundle_->images) {
       const BundleCamera& camera = bundle_->cameras.at(image.camera);
+      const PoseColumns pose_columns = image.frame < 0
+                                           ? NewPoseColumns(image.is_constant)
+                                           : frame_columns_.at(image.frame);
       auto& columns = this->camera_columns.emplace_back();
       columns.fill(-1);
-      for (int i = 0; i < kPose; ++i) {
-        if (!image.is_constant[i]) columns[i] = this->num_columns++;
-      }
+      std::copy(pose_columns.begin(), pose_columns.end(), columns.begin());
       if (kUseDepth && image.depth_weight_px > 0) {
         columns[kPose] = this->num_columns++;
       }
       for (size_t i = 0; i < camera.refined_params.size(); ++i) {
-        columns[kFirstIntrinsic + i] =
+        columns[kFirstShared + i] =
             parameters_[image.camera].columns[camera.refined_params[i]];
+      }
+      if (image.frame >= 0 && bundle_->sensors.at(image.sensor).is_refined) {
+        std::copy(sensor_columns_[image.sensor].begin(),
+                  sensor_columns_[image.sensor].end(),
+                  columns.begin() + kFirstShared +
+                      std::ptrdiff_t(camera.refined_params.size()));
       }
     }
     if (terms_ != nullptr) AddBlocksOfTerms();
+  }
+
+  PoseColumns NewPoseColumns(const std::array<bool, kPose>& is_constant) {
+    PoseColumns columns;
+    for (int i = 0; i < kPose; ++i) {
+      columns[i] = is_constant[i] ? -1 : this->num_columns++;
+    }
+    return columns;
   }
 
   void AddBlocksOfTerms() {
@@ -319,15 +392,22 @@ class BundleProblem
     }
   }
 
-  void UpdateRotations() {
+  // Poses of images of frames, and rotation matrices of all.
+  void UpdatePoses() {
     rotations_.clear();
-    for (const BundleImage& image : bundle_->images) {
+    for (BundleImage& image : bundle_->images) {
+      if (image.frame >= 0) {
+        image.cam_from_world = bundle_->sensors[image.sensor].cam_from_rig *
+                               bundle_->frames[image.frame].rig_from_world;
+      }
       rotations_.push_back(image.cam_from_world.rotation.toRotationMatrix());
     }
   }
 
   void Save() {
     saved_images_ = bundle_->images;
+    saved_frames_ = bundle_->frames;
+    saved_sensors_ = bundle_->sensors;
     saved_parameters_.clear();
     for (const ParameterBlock& block : parameters_) {
       saved_parameters_.insert(saved_parameters_.end(),
@@ -343,8 +423,12 @@ class BundleProblem
   std::vector<ProjectionFunction> projections_;
   // Those of the cameras, in their order, then those of the terms alone.
   std::vector<ParameterBlock> parameters_;
+  std::vector<PoseColumns> frame_columns_;
+  std::vector<PoseColumns> sensor_columns_;
   std::vector<Eigen::Matrix3d> rotations_;
   std::vector<BundleImage> saved_images_;
+  std::vector<BundleFrame> saved_frames_;
+  std::vector<BundleSensor> saved_sensors_;
   std::vector<double> saved_parameters_;
   std::vector<Eigen::Vector3d> saved_points_;
 };
@@ -366,6 +450,19 @@ PointMinimizerSummary SolveBundle(const PointMinimizerOptions& options,
       bundle->images.begin(), bundle->images.end(), [](const auto& image) {
         return image.depth_weight_px > 0;
       });
+  const bool refines_sensors = std::any_of(
+      bundle->sensors.begin(), bundle->sensors.end(), [](const auto& sensor) {
+        return sensor.is_refined;
+      });
+  if (refines_sensors) {
+    constexpr int kNumShared = kMaxNumCameraParams + kPose;
+    if (use_depth) {
+      return solve(
+          BundleProblem<kNumShared, true>(loss_scale_px, camera_terms, bundle));
+    }
+    return solve(
+        BundleProblem<kNumShared, false>(loss_scale_px, camera_terms, bundle));
+  }
   if (use_depth && num_intrinsics <= 4) {
     return solve(BundleProblem<4, true>(loss_scale_px, camera_terms, bundle));
   }

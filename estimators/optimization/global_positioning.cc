@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
 
 namespace dgsfm {
@@ -79,6 +80,7 @@ class PositioningProblem
   PositioningProblem(const std::vector<PositioningObservation>& all,
                      int fixed_camera,
                      const GlobalPositioningOptions& options,
+                     const std::vector<int>& body_of_camera,
                      double unit,
                      std::vector<Eigen::Vector3d>* centers,
                      std::vector<Eigen::Vector3d>* points)
@@ -99,18 +101,27 @@ class PositioningProblem
     this->observation_index.num_points = int(points->size());
     this->camera_columns.resize(centers->size());
     for (auto& columns : this->camera_columns) columns.fill(-1);
+    std::vector<int> first_columns(centers->size(), -1);
     for (const PositioningObservation& observation : observations_) {
       const int camera = observation.camera;
       this->observation_index.cameras.push_back(camera);
       this->observation_index.points.push_back(observation.point);
-      auto& columns = this->camera_columns[camera];
-      if (camera != fixed_camera && columns[0] < 0) {
-        for (int i = 0; i < 3; ++i) columns[i] = this->num_columns++;
+      const int body = body_of_camera[camera];
+      if (body != body_of_camera[fixed_camera] && first_columns[body] < 0) {
+        first_columns[body] = this->num_columns;
+        this->num_columns += 3;
       }
+      auto& columns = this->camera_columns[camera];
       if (kNumFactors == 0 || observation.log_distance_stddev == 0) continue;
       // The number of depths, at first.
       depth_weights_[camera] += 1;
       if (columns.back() < 0) columns.back() = this->num_columns++;
+    }
+    for (size_t camera = 0; camera < centers->size(); ++camera) {
+      const int first = first_columns[body_of_camera[camera]];
+      for (int i = 0; first >= 0 && i < 3; ++i) {
+        this->camera_columns[camera][i] = first + i;
+      }
     }
     for (double& weight : depth_weights_) {
       weight = options.ray_stddev * options.ray_stddev *
@@ -247,11 +258,17 @@ PointMinimizerSummary MinimizeWithoutScales(
     const std::vector<PositioningObservation>& observations,
     int fixed_camera,
     const GlobalPositioningOptions& options,
+    const std::vector<int>& body_of_camera,
     double unit,
     std::vector<Eigen::Vector3d>* centers,
     std::vector<Eigen::Vector3d>* points) {
-  PositioningProblem<kNumFactors> problem(
-      observations, fixed_camera, options, unit, centers, points);
+  PositioningProblem<kNumFactors> problem(observations,
+                                          fixed_camera,
+                                          options,
+                                          body_of_camera,
+                                          unit,
+                                          centers,
+                                          points);
   PointMinimizerOptions minimizer;
   minimizer.max_num_iterations = options.max_num_iterations;
   minimizer.function_tolerance = options.function_tolerance;
@@ -280,10 +297,17 @@ GlobalPositioningSummary SolveGlobalPositioning(
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points) {
+    std::vector<Eigen::Vector3d>* points,
+    const PositioningBodies& bodies) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   CheckInput(observations, fixed_camera, centers->size(), points->size());
+  std::vector<int> body_of_camera = bodies.body_of_camera;
+  if (body_of_camera.empty()) {
+    body_of_camera.resize(centers->size());
+    std::iota(body_of_camera.begin(), body_of_camera.end(), 0);
+  }
+  DGSFM_CHECK(body_of_camera.size() == centers->size());
   GlobalPositioningSummary summary;
   if (observations.empty()) {
     summary.message = "no observations";
@@ -314,8 +338,13 @@ GlobalPositioningSummary SolveGlobalPositioning(
                   });
   const auto minimize =
       has_depth ? MinimizeWithoutScales<1> : MinimizeWithoutScales<0>;
-  const PointMinimizerSummary found = minimize(
-      observations, fixed_camera, options, unit, &unit_centers, &unit_points);
+  const PointMinimizerSummary found = minimize(observations,
+                                               fixed_camera,
+                                               options,
+                                               body_of_camera,
+                                               unit,
+                                               &unit_centers,
+                                               &unit_points);
   if (!found.success) {
     summary.message = "the solver found no usable solution";
     return summary;
@@ -330,16 +359,23 @@ GlobalPositioningSummary SolveGlobalPositioning(
   for (size_t k = 0; k < observations.size(); ++k) {
     log_growths[k] -= start_log_distances[k];
   }
-  const double world_from_unit = std::exp(-Median(log_growths));
+  const double world_from_unit =
+      bodies.fix_scale ? unit : std::exp(-Median(log_growths));
   const auto new_centers = Scaled(unit_centers, zero, world_from_unit, origin);
   const auto new_points = Scaled(unit_points, zero, world_from_unit, origin);
   if (!AllFinite(new_centers) || !AllFinite(new_points)) {
     summary.message = "solution is not finite";
     return summary;
   }
+  std::vector<char> has_moved(centers->size(), false);
   for (const PositioningObservation& observation : observations) {
-    (*centers)[observation.camera] = new_centers[observation.camera];
+    has_moved[body_of_camera[observation.camera]] = true;
     (*points)[observation.point] = new_points[observation.point];
+  }
+  for (size_t camera = 0; camera < centers->size(); ++camera) {
+    if (has_moved[body_of_camera[camera]]) {
+      (*centers)[camera] = new_centers[camera];
+    }
   }
   (*centers)[fixed_camera] = origin;
   summary.success = true;

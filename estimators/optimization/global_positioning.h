@@ -56,6 +56,14 @@ struct GlobalPositioningSummary {
   std::string message;
 };
 
+// Cameras that move together, with the offsets between their centres in the
+// start; by camera, or empty: each moves by itself.
+struct PositioningBodies {
+  std::vector<int> body_of_camera;
+  // Whether these offsets fix the scale, which is free otherwise.
+  bool fix_scale = false;
+};
+
 // Minimises sum w rho(min_alpha |d - alpha (X - c)|^2), alpha >= 0, over the
 // centres c and points X: the scale alpha of each observation is eliminated
 // in closed form (see estimators/optimization/ray_point_residual.h). Points
@@ -69,6 +77,8 @@ struct GlobalPositioningSummary {
 // Gauge: centre of fixed_camera constant; the scale is held by the start's
 // damping and restored afterwards: a scaling about the fixed centre makes the
 // median over the observations of log(distance / distance in the start) zero.
+// Bodies that fix the scale leave no scale to restore; the offsets of others
+// are zero.
 // Cameras and points without observations stay where they are.
 //
 // Not successful, centres and points unchanged, without observations or if the
@@ -82,6 +92,7 @@ GlobalPositioningSummary SolveGlobalPositioning(
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points);
+    std::vector<Eigen::Vector3d>* points,
+    const PositioningBodies& bodies = {});
 
 }  // namespace dgsfm

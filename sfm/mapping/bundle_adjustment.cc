@@ -39,10 +39,12 @@ class ModelBundle {
   ModelBundle(const BundleAdjustmentOptions& options,
               const CameraBeliefs& beliefs,
               const DepthPriors& depth_priors,
+              const RigConstraints& rigs,
               colmap::Reconstruction* model)
       : options_(options),
         beliefs_(beliefs),
         depth_priors_(depth_priors),
+        rigs_(rigs),
         model_(model),
         point_ids_(SortedPoints(*model)) {
     for (size_t i = 0; i < point_ids_.size(); ++i) {
@@ -66,7 +68,7 @@ class ModelBundle {
     double max_distance = 0;
     for (size_t i = 0; i < image_ids_.size(); ++i) {
       BundleImage& image = bundle_.images[i];
-      if (image_ids_[i] == fixed_image) image.is_constant.fill(true);
+      if (image_ids_[i] == fixed_image) ConstantPartsOf(&image).fill(true);
       const double distance =
           (image.cam_from_world.TargetOriginInSource() - center).norm();
       if (distance > max_distance) {
@@ -74,10 +76,13 @@ class ModelBundle {
         farthest = &image;
       }
     }
-    if (!farthest) return;
+    if (!farthest || rigs_.fix_scale) return;
+    const Rigid3d& pose = farthest->frame < 0
+                              ? farthest->cam_from_world
+                              : bundle_.frames[farthest->frame].rig_from_world;
     int coordinate = 0;
-    (farthest->cam_from_world * center).cwiseAbs().maxCoeff(&coordinate);
-    farthest->is_constant[3 + coordinate] = true;
+    (pose * center).cwiseAbs().maxCoeff(&coordinate);
+    ConstantPartsOf(farthest)[3 + coordinate] = true;
   }
 
   std::optional<double> Solve(int num_threads) {
@@ -100,6 +105,12 @@ class ModelBundle {
   }
 
  private:
+  // Of the pose that an image moves by.
+  std::array<bool, 6>& ConstantPartsOf(BundleImage* image) {
+    return image->frame < 0 ? image->is_constant
+                            : bundle_.frames[image->frame].is_constant;
+  }
+
   void AddImage(colmap::image_t image_id) {
     const colmap::Image& image = model_->Image(image_id);
     if (image.NumPoints3D() == 0) return;
@@ -116,9 +127,29 @@ class ModelBundle {
     BundleImage& bundle_image = bundle_.images.emplace_back();
     bundle_image.cam_from_world = CamFromWorld(image);
     bundle_image.camera = camera_index;
+    const auto member = rigs_.frames.find(image_id);
+    if (member != rigs_.frames.end()) JoinFrame(member->second, &bundle_image);
     if (options_.use_depth && depth_priors_.Has(image_id)) {
       AddDepths(image, first_observation, &bundle_image);
     }
+  }
+
+  void JoinFrame(const FrameMember& member, BundleImage* image) {
+    const auto [sensor, is_new_sensor] =
+        sensors_.emplace(member.camera_id, int(bundle_.sensors.size()));
+    if (is_new_sensor) {
+      bundle_.sensors.push_back(
+          {member.cam_from_rig,
+           rigs_.refined_cameras.count(member.camera_id) > 0});
+    }
+    const auto [frame, is_new_frame] =
+        frames_.emplace(member.frame_id, int(bundle_.frames.size()));
+    if (is_new_frame) {
+      bundle_.frames.push_back(
+          {member.cam_from_rig.Inverse() * image->cam_from_world, {}});
+    }
+    image->sensor = sensor->second;
+    image->frame = frame->second;
   }
 
   // Adds the depths of an image to its observations, from the given one on.
@@ -199,6 +230,18 @@ class ModelBundle {
       SetCamFromWorld(bundle_.images[i].cam_from_world,
                       &model_->Image(image_ids_[i]));
     }
+    for (const auto& [image_id, member] : rigs_.frames) {
+      const auto frame = frames_.find(member.frame_id);
+      const auto sensor = sensors_.find(member.camera_id);
+      if (frame == frames_.end() || !model_->ExistsImage(image_id)) continue;
+      const Rigid3d& cam_from_rig =
+          sensor == sensors_.end()
+              ? member.cam_from_rig
+              : bundle_.sensors[sensor->second].cam_from_rig;
+      SetCamFromWorld(
+          cam_from_rig * bundle_.frames[frame->second].rig_from_world,
+          &model_->Image(image_id));
+    }
     for (const auto& [camera_id, index] : camera_indices_) {
       if (!model_->ExistsCamera(camera_id)) continue;
       model_->Camera(camera_id).SetParams(bundle_.cameras[index].params);
@@ -211,6 +254,7 @@ class ModelBundle {
   const BundleAdjustmentOptions& options_;
   const CameraBeliefs& beliefs_;
   const DepthPriors& depth_priors_;
+  const RigConstraints& rigs_;
   colmap::Reconstruction* model_;
   // By their index in the bundle.
   std::vector<colmap::image_t> image_ids_;
@@ -219,6 +263,9 @@ class ModelBundle {
   std::map<colmap::camera_t, int> camera_indices_;
   std::unordered_map<colmap::point3D_t, int> point_indices_;
   std::vector<size_t> num_observations_;
+  // Indices in the bundle.
+  std::map<frame_t, int> frames_;
+  std::map<colmap::camera_t, int> sensors_;
   Bundle bundle_;
   // Terms of the `params` of the cameras of the bundle.
   ceres::Problem camera_terms_;
@@ -260,9 +307,10 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
                                    const DepthPriors& depth_priors,
-                                   colmap::Reconstruction* model) {
+                                   colmap::Reconstruction* model,
+                                   const RigConstraints& rigs) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  ModelBundle bundle(options, beliefs, depth_priors, model);
+  ModelBundle bundle(options, beliefs, depth_priors, rigs, model);
   bundle.FixGauge(fixed_image);
   return bundle.Solve(num_threads);
 }

@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "colmap_ext/rig.h"
 #include "sfm/intrinsics/intrinsics_prior.h"
 #include "sfm/verification/pair_verification.h"
 
@@ -12,6 +13,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -38,6 +40,15 @@ struct BundleAdjustmentOptions {
   bool IsValid(std::string* error) const;
 };
 
+// How images are joined in bundle adjustment.
+struct RigConstraints {
+  FrameMembers frames;
+  // Cameras whose pose in their rig is refined.
+  std::set<colmap::camera_t> refined_cameras;
+  // Whether the rigs fix the scale.
+  bool fix_scale = false;
+};
+
 struct DepthPriors {
   const KeypointDepthMap* depths = nullptr;
   // Standard deviation of the logarithm of an image's depths about their
@@ -58,9 +69,10 @@ double AdaptedLossScale(const BundleAdjustmentOptions& options,
 // Minimises the soft-L1 reprojection errors of all observations and the squared
 // deviations of intrinsics from what is believed (priors, and the means of the
 // groups) over poses, points, intrinsics and means; with `use_depth` also those
-// from the depths, see SolveBundle, over the scales of their maps. Gauge: the
-// pose of fixed_image, and the largest coordinate of the translation of the
-// image farthest from it. Cameras whose images have hardly any observations
+// from the depths, see SolveBundle, over the scales of their maps. Images of a
+// frame move together. Gauge: the pose of fixed_image or of its frame, and,
+// where no rig fixes the scale, the largest coordinate of the translation of
+// the image farthest from it. Cameras whose images have hardly any observations
 // keep their intrinsics. Returns the root of the mean robust squared error
 // [px], or nothing if there is nothing to adjust or the solver failed. The same
 // for any number of threads.
@@ -69,6 +81,7 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
                                    const DepthPriors& depth_priors,
-                                   colmap::Reconstruction* model);
+                                   colmap::Reconstruction* model,
+                                   const RigConstraints& rigs = {});
 
 }  // namespace dgsfm

@@ -93,6 +93,14 @@ ModelInProgress StartModel(const MappingContext& context,
   progress.final_loss_scale_px =
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
+  progress.rigs.frames = context.frames;
+  if (context.options.refine_sensor_from_rig) {
+    progress.rigs.refined_cameras =
+        CamerasToCalibrate(context.scene.rigs, /*all=*/true);
+  } else {
+    progress.rigs.fix_scale = HasBaseline(context.scene.rigs);
+  }
+
   StageTimer timer("initialization");
   const std::vector<colmap::Track> tracks =
       EstablishTracks(index, *pairs, context.options.tracks);
@@ -102,7 +110,8 @@ ModelInProgress StartModel(const MappingContext& context,
                       scales,
                       tracks,
                       context.options.position_initialization,
-                      &progress.model);
+                      &progress.model,
+                      context.frames);
   timer.Add("tracks", double(tracks.size()))
       .Add("images", double(progress.model.NumRegImages()))
       .Add("points", double(progress.model.NumPoints3D()));
@@ -117,17 +126,22 @@ ModelInProgress StartModel(const MappingContext& context,
   return progress;
 }
 
-// Filters images, and scales the model by the depth maps.
+// Filters images, and scales the model by the depth maps unless rigs fix its
+// scale.
 void FinishModel(const MappingContext& context,
-                 colmap::Reconstruction* model,
+                 ModelInProgress* progress,
                  ComponentResult* result,
                  MappingLog* log) {
   StageTimer timer("metric_scale");
+  colmap::Reconstruction* model = &progress->model;
   for (const auto& [image_id, reason] :
-       FilterImages(context.options.refinement, model)) {
+       FilterImages(context.options.refinement, progress->rigs.frames, model)) {
     result->unregistered_images[image_id] = reason;
   }
-  const MetricScale metric = NormalizeToDepth(context.depths, model);
+  MetricScale metric;
+  if (!progress->rigs.fix_scale) {
+    metric = NormalizeToDepth(context.depths, model);
+  }
   for (const auto& [image_id, scale] :
        DepthScalesOfModel(context.depths, *model)) {
     result->depth_scales[image_id] = scale.scale;
@@ -154,7 +168,7 @@ void FinishCameras(const MappingContext& context,
   std::vector<CameraGroup>& groups = progress->beliefs.groups;
   KeepGroupsOf(model, &groups);
   const std::map<colmap::camera_t, colmap::camera_t> final_ids =
-      context.options.share_intrinsics
+      context.options.share_intrinsics && context.scene.rigs.Empty()
           ? FirstOfGroups(groups)
           : JoinedCameraIds(progress->cameras.origins, groups, model);
   for (auto& [camera_id, camera] : SummarizeCameras(
@@ -198,14 +212,15 @@ ComponentResult MapComponent(const MappingContext& context,
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
     }
   }
-  const bool success = RefineModel(context, &progress, log);
+  const bool success = RefineModel(context, &progress, log) &&
+                       CalibrateSensors(context, &progress, log);
   if (success) {
     CompleteModel(context, &progress, pairs, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);
     }
   }
-  FinishModel(context, &model, &result, log);
+  FinishModel(context, &progress, &result, log);
   const int min_model_size = context.options.min_model_size;
   if (!success || model.NumRegImages() < size_t(min_model_size)) {
     for (const colmap::image_t image_id : model.RegImageIds()) {

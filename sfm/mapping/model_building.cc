@@ -2,6 +2,7 @@
 
 #include "sfm/mapping/model_access.h"
 #include "sfm/mapping/model_refinement.h"
+#include "sfm/mapping/rig_model.h"
 
 #include <algorithm>
 #include <memory>
@@ -42,10 +43,22 @@ bool IsRegistered(const colmap::Reconstruction& model,
   return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
 }
 
+// The constraints with refined poses as the model has them.
+RigConstraints CurrentRigs(const MappingContext& context,
+                           const RigConstraints& rigs,
+                           const colmap::Reconstruction& model) {
+  if (rigs.refined_cameras.empty()) return rigs;
+  RigConstraints current = rigs;
+  current.frames =
+      MembersOf(CalibrateRigs(rigs.refined_cameras, model, context.scene.rigs));
+  return current;
+}
+
 std::optional<double> Adjust(const MappingContext& context,
                              const BundleAdjustmentOptions& adjustment,
                              const CameraBeliefs& beliefs,
                              const DepthPriors& depth_priors,
+                             const RigConstraints& rigs,
                              colmap::Reconstruction* model) {
   const ModelRefinementOptions& refinement = context.options.refinement;
   return AdjustBundle(adjustment,
@@ -53,7 +66,8 @@ std::optional<double> Adjust(const MappingContext& context,
                       AnchorImage(*model),
                       beliefs,
                       PriorsInNeed(refinement, *model, depth_priors),
-                      model);
+                      model,
+                      CurrentRigs(context, rigs, *model));
 }
 
 bool PositionModel(const MappingContext& context,
@@ -64,8 +78,12 @@ bool PositionModel(const MappingContext& context,
   if (model.NumPoints3D() == 0) return false;
   if (options.skip_global_positioning) return true;
   StageTimer timer("global_positioning");
-  const GlobalPositioningSummary summary = PositionCameras(
-      options.refinement, progress->depth_priors, AnchorImage(model), &model);
+  const GlobalPositioningSummary summary =
+      PositionCameras(options.refinement,
+                      progress->depth_priors,
+                      AnchorImage(model),
+                      &model,
+                      progress->rigs);
   if (!summary.success) {
     LOG(ERROR) << "Global positioning failed: " << summary.message;
     return false;
@@ -96,8 +114,12 @@ bool AdjustModel(const MappingContext& context,
   }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = Adjust(
-        context, adjustment, progress->beliefs, progress->depth_priors, &model);
+    const std::optional<double> rms = Adjust(context,
+                                             adjustment,
+                                             progress->beliefs,
+                                             progress->depth_priors,
+                                             progress->rigs,
+                                             &model);
     if (!rms) return false;
     const size_t num_filtered =
         FilterObservations(options.refinement, num_rounds - round, &model);
@@ -132,7 +154,11 @@ bool Untie(const MappingContext& context,
     std::set<colmap::camera_t> contradicted;
     for (const colmap::image_t image_id : image_ids) {
       const colmap::camera_t camera_id = cameras.camera_of_image.at(image_id);
-      if (shared.count(camera_id) > 0) contradicted.insert(camera_id);
+      // Cameras of rigs stay what their sensors are.
+      if (shared.count(camera_id) > 0 &&
+          progress->rigs.frames.count(image_id) == 0) {
+        contradicted.insert(camera_id);
+      }
     }
     for (const colmap::camera_t camera_id : contradicted) {
       log->Warn("The images of camera " + std::to_string(camera_id) +
@@ -199,6 +225,7 @@ size_t AdjustAgain(const MappingContext& context,
                                            FinalAdjustment(context, *progress),
                                            progress->beliefs,
                                            progress->depth_priors,
+                                           progress->rigs,
                                            &progress->model);
   const size_t num_filtered =
       FilterObservations(context.options.refinement, 1.0, &progress->model);
@@ -287,6 +314,7 @@ void HoldImplausibleCameras(const MappingContext& context,
          FinalAdjustment(context, *progress),
          progress->beliefs,
          progress->depth_priors,
+         progress->rigs,
          &model);
   FilterObservations(context.options.refinement, 1.0, &model);
 }
@@ -318,6 +346,19 @@ bool RefineModel(const MappingContext& context,
     UseCameras(progress->cameras, &progress->model);
   }
   return false;
+}
+
+bool CalibrateSensors(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log) {
+  const std::set<colmap::camera_t> camera_ids =
+      CamerasToCalibrate(context.scene.rigs, /*all=*/false);
+  if (camera_ids.empty()) return true;
+  RigConstraints& rigs = progress->rigs;
+  rigs.refined_cameras.insert(camera_ids.begin(), camera_ids.end());
+  rigs = CurrentRigs(context, rigs, progress->model);
+  JoinFrames(rigs.frames, &progress->model);
+  return AdjustModel(context, progress, log);
 }
 
 void CompleteModel(const MappingContext& context,
@@ -364,7 +405,12 @@ ModelAdjuster FinalAdjuster(const MappingContext& context,
     BundleAdjustmentOptions adjustment = FinalAdjustment(context, progress);
     adjustment.max_num_iterations =
         std::min(adjustment.max_num_iterations, max_num_iterations);
-    return Adjust(context, adjustment, beliefs, progress.depth_priors, model)
+    return Adjust(context,
+                  adjustment,
+                  beliefs,
+                  progress.depth_priors,
+                  progress.rigs,
+                  model)
         .has_value();
   };
 }

@@ -16,6 +16,8 @@ struct ModelInProgress {
   colmap::Reconstruction model;
   ImageCameras cameras;
   CameraBeliefs beliefs;
+  // Images that move together, once the poses in their rigs are known.
+  RigConstraints rigs;
   // Depth maps, by how well they agree at the start.
   DepthPriors depth_priors;
   // Residual from which the loss of the final adjustments grows linearly [px].
@@ -28,6 +30,13 @@ struct ModelInProgress {
 bool RefineModel(const MappingContext& context,
                  ModelInProgress* progress,
                  MappingLog* log);
+
+// Estimates unknown poses of cameras in their rigs by those of the images of a
+// refined model, joins these images, and adjusts the model again. Returns false
+// if a solver failed or no point is left.
+bool CalibrateSensors(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log);
 
 // Calibrates the cameras of a refined model, completes its tracks, and judges
 // the pairs of its images by its poses: pairs that had left become VALID if

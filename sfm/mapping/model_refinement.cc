@@ -156,6 +156,42 @@ bool StaysOut(PairStatus status) {
          status == PairStatus::TRANSLATION_OUTLIER;
 }
 
+// The first image of each image's frame, by index; nothing without frames.
+std::vector<int> BodiesOf(const ImageIndex& index, const FrameMembers& frames) {
+  std::vector<int> bodies;
+  if (frames.empty()) return bodies;
+  std::map<frame_t, int> first_of_frames;
+  for (int i = 0; i < index.Size(); ++i) {
+    const auto member = frames.find(index.IdOf(i));
+    bodies.push_back(member == frames.end()
+                         ? i
+                         : first_of_frames.emplace(member->second.frame_id, i)
+                               .first->second);
+  }
+  return bodies;
+}
+
+bool HaveOffsets(const FrameMembers& frames) {
+  return std::any_of(frames.begin(), frames.end(), [](const auto& member) {
+    return member.second.cam_from_rig.translation.norm() > 0;
+  });
+}
+
+// Frames that an image with enough points gives a pose.
+std::set<frame_t> FramesWithPoints(const ModelRefinementOptions& options,
+                                   const FrameMembers& frames,
+                                   const colmap::Reconstruction& model) {
+  std::set<frame_t> frame_ids;
+  for (const auto& [image_id, member] : frames) {
+    if (model.ExistsImage(image_id) && model.IsImageRegistered(image_id) &&
+        model.Image(image_id).NumPoints3D() >=
+            size_t(options.min_num_points_per_image)) {
+      frame_ids.insert(member.frame_id);
+    }
+  }
+  return frame_ids;
+}
+
 }  // namespace
 
 bool ModelRefinementOptions::IsValid(std::string* error) const {
@@ -177,7 +213,8 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
                                          const DepthPriors& priors,
                                          colmap::image_t fixed_image,
-                                         colmap::Reconstruction* model) {
+                                         colmap::Reconstruction* model,
+                                         const RigConstraints& rigs) {
   const ImageIndex index(SortedRegisteredImages(*model));
   const std::vector<colmap::point3D_t> point_ids = SortedPoints(*model);
   std::vector<Eigen::Vector3d> centers;
@@ -221,7 +258,12 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
   GlobalPositioningOptions positioning = options.global_positioning;
   positioning.num_threads = EffectiveNumThreads(options.num_threads);
   const GlobalPositioningSummary summary = SolveGlobalPositioning(
-      observations, index.Of(fixed_image), positioning, &centers, &points);
+      observations,
+      index.Of(fixed_image),
+      positioning,
+      &centers,
+      &points,
+      {BodiesOf(index, rigs.frames), HaveOffsets(rigs.frames)});
   if (!summary.success) return summary;
   for (int i = 0; i < index.Size(); ++i) {
     SetCenterInWorld(centers[i], &model->Image(index.IdOf(i)));
@@ -346,11 +388,20 @@ std::set<colmap::camera_t> ImplausibleCameras(
 }
 
 std::map<colmap::image_t, std::string> FilterImages(
-    const ModelRefinementOptions& options, colmap::Reconstruction* model) {
+    const ModelRefinementOptions& options,
+    const FrameMembers& frames,
+    colmap::Reconstruction* model) {
   std::map<colmap::image_t, std::string> filtered;
+  const std::set<frame_t> with_points =
+      FramesWithPoints(options, frames, *model);
   const std::set<colmap::camera_t> implausible = ImplausibleCameras(*model);
   for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
     const colmap::Image& image = model->Image(image_id);
+    const auto member = frames.find(image_id);
+    if (member != frames.end() &&
+        with_points.count(member->second.frame_id) > 0) {
+      continue;
+    }
     if (image.NumPoints3D() < size_t(options.min_num_points_per_image)) {
       filtered[image_id] = "only " + std::to_string(image.NumPoints3D()) +
                            " points after bundle adjustment";

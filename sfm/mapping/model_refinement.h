@@ -54,12 +54,14 @@ struct ModelRefinementOptions {
 };
 
 // Refines centres and points with fixed rotations (DGSfM Eq. 17). The centre
-// of fixed_image stays. With use_depth, the depth maps of images that see too
-// few points with parallax take part. Returns the solver's summary.
+// of fixed_image stays. Images of a frame move together. With use_depth, the
+// depth maps of images that see too few points with parallax take part. Returns
+// the solver's summary.
 GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
                                          const DepthPriors& priors,
                                          colmap::image_t fixed_image,
-                                         colmap::Reconstruction* model);
+                                         colmap::Reconstruction* model,
+                                         const RigConstraints& rigs = {});
 
 // Removes observations more than max_angle_deg off their point or behind the
 // camera, and points left with one; returns the number of observations.
@@ -102,9 +104,12 @@ std::set<colmap::camera_t> ImplausibleCameras(
     const colmap::Reconstruction& model);
 
 // De-registers images with too few points or implausible intrinsics and
-// returns them with the reason.
+// returns them with the reason. Images of a frame that has enough points in
+// another image stay.
 std::map<colmap::image_t, std::string> FilterImages(
-    const ModelRefinementOptions& options, colmap::Reconstruction* model);
+    const ModelRefinementOptions& options,
+    const FrameMembers& frames,
+    colmap::Reconstruction* model);
 
 // Stores the mean reprojection error of each point in it [px].
 void UpdatePointErrors(colmap::Reconstruction* model);

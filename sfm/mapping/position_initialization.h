@@ -36,6 +36,7 @@ size_t InitializePositions(const ImageIndex& index,
                            const ImageScales& scales,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
-                           colmap::Reconstruction* reconstruction);
+                           colmap::Reconstruction* reconstruction,
+                           const FrameMembers& frames = {});
 
 }  // namespace dgsfm

@@ -450,5 +450,84 @@ TEST(BundleSolver, IndexOutOfRangeThrows) {
                std::invalid_argument);
 }
 
+// The true bundle with images 2 i and 2 i + 1 as frame i of two sensors.
+Bundle TrueRigBundle() {
+  SceneOptions options;
+  options.share_camera = true;
+  Bundle bundle = TrueBundle(options);
+  bundle.sensors.resize(2);
+  bundle.sensors[1].cam_from_rig = {
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY())),
+      Eigen::Vector3d(-0.3, 0.05, 0.1)};
+  for (int i = 0; i < 4; ++i) {
+    bundle.frames.push_back({bundle.images[2 * i].cam_from_world, {}});
+    for (int j = 0; j < 2; ++j) {
+      BundleImage& image = bundle.images[2 * i + j];
+      image.frame = i;
+      image.sensor = j;
+      image.is_constant = {};
+      image.cam_from_world =
+          bundle.sensors[j].cam_from_rig * bundle.frames[i].rig_from_world;
+    }
+  }
+  bundle.frames[0].is_constant.fill(true);
+  for (BundleObservation& observation : bundle.observations) {
+    const BundleImage& image = bundle.images[observation.image];
+    ProjectionOfModel(2)(bundle.cameras[image.camera].params.data(),
+                         image.cam_from_world * bundle.points[observation.point],
+                         &observation.xy_px,
+                         nullptr);
+  }
+  return bundle;
+}
+
+Bundle DisturbedFrames(Bundle bundle) {
+  for (size_t i = 1; i < bundle.frames.size(); ++i) {
+    bundle.frames[i].rig_from_world.translation.x() += 0.03 * double(i);
+  }
+  for (size_t i = 0; i < bundle.points.size(); ++i) {
+    bundle.points[i].z() += i % 2 == 0 ? 0.04 : -0.04;
+  }
+  return bundle;
+}
+
+TEST(SolveBundle, FramesKeepTheirShapeAndFixTheScale) {
+  const Bundle truth = TrueRigBundle();
+  Bundle bundle = DisturbedFrames(truth);
+  ASSERT_TRUE(
+      SolveBundle(Converging(), kLossScalePx, nullptr, &bundle).success);
+  // Exact data: what is left is that of the solver's tolerance.
+  EXPECT_LT(MaxPointError(bundle, truth), 1e-5);
+  for (size_t i = 0; i < bundle.images.size(); ++i) {
+    const BundleImage& image = bundle.images[i];
+    const Rigid3d expected = bundle.sensors[image.sensor].cam_from_rig *
+                             bundle.frames[image.frame].rig_from_world;
+    EXPECT_EQ(image.cam_from_world.translation, expected.translation);
+  }
+}
+
+TEST(SolveBundle, RefinesSensors) {
+  const Bundle truth = TrueRigBundle();
+  Bundle bundle = DisturbedFrames(truth);
+  bundle.sensors[1].is_refined = true;
+  bundle.sensors[1].cam_from_rig.translation.y() += 0.05;
+  bundle.sensors[1].cam_from_rig.rotation =
+      bundle.sensors[1].cam_from_rig.rotation *
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitX()));
+  // Without a known baseline the scale is free.
+  bundle.frames.back().rig_from_world = truth.frames.back().rig_from_world;
+  bundle.frames.back().is_constant[5] = true;
+  ASSERT_TRUE(
+      SolveBundle(Converging(), kLossScalePx, nullptr, &bundle).success);
+  EXPECT_LT(MaxPointError(bundle, truth), 1e-5);
+  EXPECT_LT((bundle.sensors[1].cam_from_rig.translation -
+             truth.sensors[1].cam_from_rig.translation)
+                .norm(),
+            1e-5);
+  EXPECT_LT(bundle.sensors[1].cam_from_rig.rotation.angularDistance(
+                truth.sensors[1].cam_from_rig.rotation),
+            1e-5);
+}
+
 }  // namespace
 }  // namespace dgsfm

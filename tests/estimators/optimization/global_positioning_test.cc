@@ -439,5 +439,34 @@ TEST(GlobalPositioning, ReachesTheMinimumOfThePlainFormulation) {
       summary.final_cost, expected.final_cost, 1e-4 * expected.final_cost);
 }
 
+TEST(GlobalPositioning, BodiesKeepTheirShapeAndFixTheScale) {
+  const Scene truth = CreateScene({});
+  // Cameras i and i + 6 are on opposite sides of the ring.
+  PositioningBodies bodies;
+  for (int i = 0; i < 12; ++i) bodies.body_of_camera.push_back(i % 6);
+  bodies.fix_scale = true;
+  Scene scene = truth;
+  std::mt19937 random(7);
+  for (int i = 1; i < 6; ++i) {
+    const Eigen::Vector3d shift = 0.3 * RandomVector(&random);
+    scene.centers[i] += shift;
+    scene.centers[i + 6] += shift;
+  }
+  for (Eigen::Vector3d& point : scene.points) {
+    point = 1.2 * point + 0.1 * RandomVector(&random);
+  }
+  ASSERT_TRUE(SolveGlobalPositioning(scene.observations,
+                                     0,
+                                     TightOptions(),
+                                     &scene.centers,
+                                     &scene.points,
+                                     bodies)
+                  .success);
+  for (int i = 0; i < 12; ++i) {
+    // Exact rays: what is left is that of the solver's tolerance.
+    EXPECT_LT((scene.centers[i] - truth.centers[i]).norm(), 1e-5) << i;
+  }
+}
+
 }  // namespace
 }  // namespace dgsfm

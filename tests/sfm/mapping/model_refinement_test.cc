@@ -92,7 +92,7 @@ TEST(FilterImages, NamesWhatIsMissing) {
       }
     }
   }
-  const auto filtered = FilterImages(ModelRefinementOptions(), &model);
+  const auto filtered = FilterImages(ModelRefinementOptions(), {}, &model);
   ASSERT_EQ(filtered.size(), 1);
   EXPECT_EQ(filtered.begin()->first, poor);
   EXPECT_EQ(filtered.begin()->second, "only 0 points after bundle adjustment");
