@@ -138,6 +138,8 @@ std::string UnitText(const MeasuredUnit& measured) {
       return "unit arbitrary";
     case ModelUnit::DEPTH_MAPS:
       return "unit unknown: that of " + maps;
+    case ModelUnit::RIGS:
+      return "unit that of the rigs' baselines";
     case ModelUnit::METRES:
       break;
   }

@@ -109,12 +109,14 @@ void MapComponents(const MappingContext& context,
 }
 
 void MeasureUnits(const KeypointDepthMap& depths,
+                  bool rigs_fix_scale,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
   for (const auto& model : result->models) {
-    const MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
+    MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
+    if (rigs_fix_scale) unit.unit = ModelUnit::RIGS;
     result->units.push_back(unit);
-    if (!unit.IsDoubtful()) continue;
+    if (rigs_fix_scale || !unit.IsDoubtful()) continue;
     std::ostringstream factor;
     factor << std::setprecision(2) << std::exp(unit.log_spread);
     log->Warn("The scales of the depth maps of a model with " +
@@ -191,7 +193,11 @@ DepthGlobalMapperResult RunGlobalMapping(
   const MappingContext context = {
       options, verification, *scene, *depths, frames, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
-  MeasureUnits(*depths, &result, &log);
+  MeasureUnits(
+      *depths,
+      !options.refine_sensor_from_rig && HasBaseline(scene->rigs),
+      &result,
+      &log);
   ExplainMissingImages(*scene, *pairs, &result);
   result.stages = std::move(log.stages);
   result.warnings = std::move(log.warnings);
