@@ -86,7 +86,7 @@ const std::vector<std::string>& DepthFileExtensions();
 //   of the image (its principal point decides), or a vector that
 //   begins with the focal length in pixels of the map; an identity matrix
 //   counts as none;
-// - .exr: see ParseExr; .tif, .tiff: see ParseTiff;
+// - .exr: see ParseExr; .tif, .tiff: see ReadTiff;
 // - .pfm: one channel;
 // - .png: 16 bits, one channel; 65535 is unknown;
 // - .bin: a map of COLMAP's dense stereo.

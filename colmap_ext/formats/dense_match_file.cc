@@ -30,6 +30,7 @@ std::vector<float> CheckedValues(NumberArray array,
   return std::move(array.values);
 }
 
+// Takes two columns of a matrix of `stride` columns.
 std::vector<Eigen::Vector2f> Points(const std::vector<float>& values,
                                     size_t first,
                                     size_t stride) {
@@ -73,6 +74,7 @@ DenseMatches ReadArrays(const Read& read) {
       break;
     }
   }
+  // Matchers write one row per match; anything else cannot be paired.
   if (matches.points1.size() != matches.points2.size() ||
       (!matches.confidences.empty() &&
        matches.confidences.size() != matches.points1.size())) {
@@ -91,6 +93,7 @@ std::vector<std::string> GroupsOfArrays(const std::vector<std::string>& names) {
   return {groups.begin(), groups.end()};
 }
 
+// Sorted, because folders list their files in no particular order.
 std::vector<std::string> ListArchives(const std::string& folder) {
   std::vector<std::string> groups;
   for (const fs::directory_entry& entry :
