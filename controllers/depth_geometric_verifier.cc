@@ -238,7 +238,7 @@ VerificationSummary VerifyDatabasePairs(
   DepthDatabase database(options.database_path,
                          DepthDatabase::Mode::READ_WRITE);
   std::vector<StageReport> stages;
-  Scene scene = ReadSceneWithoutMatches(options.database_path);
+  Scene scene = ReadScene(options.database_path, SceneContent::FEATURES);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const KeypointDepthMap depths = LoadDepths(options, {}, &stages);
   StageTimer timer("pair_verification");

@@ -298,7 +298,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const DepthImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadSceneWithoutFeatures(database_path);
+  const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
   DepthFileSearch search =
       FindDepthFiles(scene, depth_path, options.confidence_path);
   if (search.file_of_image.empty()) {
