@@ -58,6 +58,7 @@ RunFolder::RunFolder(const std::string& path,
     if (IsOutput(file.substr(0, file.find('/')))) manifest_.insert(file);
   }
   CheckOthersFiles();
+  // A killed run may have left its half-written models.
   fs::remove_all(staging_path_);
   CreateOutputFolder(staging_path_);
 }
@@ -78,11 +79,13 @@ std::string RunFolder::StagedModel(size_t index) const {
 }
 
 void RunFolder::Publish() {
+  // From here on the staging folder may hold models of an earlier run.
   is_publishing_ = true;
   CheckOthersFiles();
   const std::set<std::string> files = ListFiles(staging_path_, staging_path_);
   std::set<std::string> files_of_both = manifest_;
   files_of_both.insert(files.begin(), files.end());
+  // Written first: a run killed in between still owns both sets of files.
   WriteManifest(files_of_both);
   std::set<std::string> names;
   for (const fs::path& staged : ListEntries(staging_path_)) {
