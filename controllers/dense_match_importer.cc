@@ -37,7 +37,8 @@ CREATE TEMP TABLE dense_match_indices (
 // The images that the names of groups stand for.
 class PairNames {
  public:
-  explicit PairNames(const Scene& scene) : image_ids_(ImageIdsByName(scene)) {}
+  explicit PairNames(const Scene& scene)
+      : image_ids_(ImageIdsByName(scene, /*with_flat_names=*/true)) {}
 
   // In the order of the name; nothing unless there is exactly one way to read
   // it.

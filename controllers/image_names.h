@@ -9,9 +9,10 @@
 
 namespace dgsfm {
 
-// Images by their names, and by those without folders and with "-" in place of
-// "/" that no other image has; kInvalidImageId for what several are called. A
-// full name stands for its image whatever else has it as such an alias.
-std::map<std::string, colmap::image_t> ImageIdsByName(const Scene& scene);
+// Images by their names and by aliases: the name without folders and, if asked
+// for, with "-" in place of "/". kInvalidImageId for an alias of several
+// images; a full name stands for its image whatever else has it as an alias.
+std::map<std::string, colmap::image_t> ImageIdsByName(const Scene& scene,
+                                                      bool with_flat_names);
 
 }  // namespace dgsfm

@@ -85,7 +85,7 @@ Entry ParseItem(const nlohmann::json& item) {
 class ScoreCollector {
  public:
   explicit ScoreCollector(const Scene& scene)
-      : image_ids_(ImageIdsByName(scene)) {}
+      : image_ids_(ImageIdsByName(scene, /*with_flat_names=*/false)) {}
 
   void Add(const std::string& place, const std::optional<Entry>& entry) {
     const auto fail = [&](const std::string& problem) {
