@@ -102,6 +102,7 @@ ModelInProgress StartModel(const MappingContext& context,
                       scales,
                       tracks,
                       context.options.position_initialization,
+                      context.options.refinement.min_triangulation_angle_deg,
                       &progress.model);
   timer.Add("tracks", double(tracks.size()))
       .Add("images", double(progress.model.NumRegImages()))
