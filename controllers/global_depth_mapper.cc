@@ -132,9 +132,7 @@ std::string UnitText(const MeasuredUnit& measured) {
 }  // namespace
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
-    : options_(options) {
-  options_.mapper.num_threads = options_.verifier.verification.num_threads;
-}
+    : options_(options) {}
 
 bool GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
@@ -248,7 +246,7 @@ void GlobalDepthMapper::StageModels(const RunFolder& folder,
   for (size_t i = 0; i < result->models.size(); ++i) {
     if (!options_.image_path.empty()) {
       ExtractPointColors(options_.image_path,
-                         options_.mapper.num_threads,
+                         options_.verifier.verification.num_threads,
                          result->models[i].get());
     }
     WriteModel(*result->models[i], folder.StagedModel(i));

@@ -14,9 +14,6 @@ namespace dgsfm {
 
 namespace {
 
-// Smallest angle between two rays of a point triangulated for the start [deg]:
-// below it the position along the rays is noise.
-constexpr double kMinTriangulationAngleDeg = 1.5;
 // Tracks a resected centre must rest on; two determine it, the rest reveals
 // wrong ones.
 constexpr int kMinNumResectionTracks = 6;
@@ -41,11 +38,13 @@ class PositionInitializer {
                       const ImageScales& scales,
                       const std::vector<colmap::Track>& tracks,
                       const PositionInitializationOptions& options,
+                      double min_triangulation_angle_deg,
                       colmap::Reconstruction* reconstruction)
       : index_(index),
         pairs_(pairs),
         scales_(options.use_depth ? scales : ImageScales()),
         tracks_(tracks),
+        min_triangulation_angle_deg_(min_triangulation_angle_deg),
         reconstruction_(reconstruction),
         centers_(index.Size()),
         points_(tracks.size()),
@@ -119,6 +118,8 @@ class PositionInitializer {
       strength[edges.back().second] += weights.back();
     }
     if (edges.empty()) return false;
+    // Chains from the best connected image are short, and errors along them
+    // few.
     const int root = int(std::max_element(strength.begin(), strength.end()) -
                          strength.begin());
     const SpanningTree tree =
@@ -202,7 +203,7 @@ class PositionInitializer {
       points_[track] = ComponentwiseMedian(lifted);
     } else {
       points_[track] =
-          TriangulateRays(centers, rays, kMinTriangulationAngleDeg);
+          TriangulateRays(centers, rays, min_triangulation_angle_deg_);
     }
     if (!points_[track]) return;
     for (const Observation& observation : observations_[track]) {
@@ -210,6 +211,8 @@ class PositionInitializer {
     }
   }
 
+  // The image that sees most placed tracks goes first: its centre is the
+  // surest, and places tracks for the others. Each image has one try.
   void GrowByResection() {
     std::vector<char> is_tried(index_.Size(), 0);
     while (true) {
@@ -266,6 +269,8 @@ class PositionInitializer {
   const PairGeometries& pairs_;
   const ImageScales scales_;
   const std::vector<colmap::Track>& tracks_;
+  // Below it the position of a point along its rays is noise.
+  const double min_triangulation_angle_deg_;
   colmap::Reconstruction* reconstruction_;
 
   std::vector<std::optional<Eigen::Vector3d>> centers_;
@@ -283,9 +288,16 @@ size_t InitializePositions(const ImageIndex& index,
                            const ImageScales& scales,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
+                           double min_triangulation_angle_deg,
                            colmap::Reconstruction* reconstruction) {
-  return PositionInitializer(
-             index, pairs, depths, scales, tracks, options, reconstruction)
+  return PositionInitializer(index,
+                             pairs,
+                             depths,
+                             scales,
+                             tracks,
+                             options,
+                             min_triangulation_angle_deg,
+                             reconstruction)
       .Run();
 }
 
