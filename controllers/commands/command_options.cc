@@ -16,6 +16,7 @@
 #include <boost/program_options.hpp>
 #include <boost/property_tree/ini_parser.hpp>
 #include <boost/property_tree/ptree.hpp>
+#include <glog/logging.h>
 
 namespace dgsfm {
 namespace {
@@ -144,6 +145,7 @@ struct CommandOptions::Impl {
     po::variables_map values;
     po::store(parsed, values);
     if (values.count("help") > 0) return false;
+    if (values.count("log_level") > 0) FLAGS_v = values["log_level"].as<int>();
     if (values.count("project_path") > 0) {
       po::store(
           ReadProject(values["project_path"].as<std::string>(), description),
@@ -162,7 +164,10 @@ CommandOptions::CommandOptions(const std::string& command,
   impl_->general.add_options()("help,h", "Show this text.")(
       "project_path",
       po::value<std::string>(),
-      "File with options; those of the command line win.");
+      "File with options; those of the command line win.")(
+      "log_level,v",
+      po::value<int>(),
+      "Log of the run: 0 is its story, 1 adds the figures of each stage");
 }
 
 CommandOptions::~CommandOptions() = default;
