@@ -30,10 +30,14 @@ PAGES = [
     ROOT / "patches/README.md",
     *sorted((ROOT / "docs").glob("*.md")),
 ]
-FENCE = re.compile(r"^([ ]*)```(\w*)\n(.*?)^\1```$", re.M | re.S)
+FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.M | re.S)
 MARKER = re.compile(r"<!-- commands: (run|need [^>]+|by hand, [^>]+) -->\n\s*$")
 # Options of programs that are not here.
-OTHERS = {"depths"}  # of 3D Gaussian splatting's trainer
+OTHERS = {
+    "depths",  # of 3D Gaussian splatting's trainer
+    "rm", "tag", "volume",  # of docker
+    "build", "install", "prefix", "preset",  # of CMake
+}  # fmt: skip
 GROUPS = (
     "DepthGlobalMapper|TwoViewDepth|PairVerification|DepthConsistency"
     "|DepthAlignment|DepthSampling"
