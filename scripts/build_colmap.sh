@@ -81,20 +81,19 @@ library_versions() {
   fi
 }
 
-# Shows the lines of Ninja at every tenth of the work.
+# A line for every tenth of the steps that Ninja's lines on stdin count. (awk may
+# wait for more of them before it shows any.)
 show_progress() {
-  awk -v start="$(date +%s)" '
-    match($0, /^\[[0-9]+\/[0-9]+\]/) {
-      split(substr($0, 2, RLENGTH - 2), step, "/")
-      tenth = int(10 * step[1] / step[2])
-      if (tenth > shown) {
-        shown = tenth
-        "date +%s" | getline now
-        close("date +%s")
-        printf "  %3d %% after %d s\n", 10 * tenth, now - start
-        fflush()
-      }
-    }' >&2
+  local line tenth shown=0 start=$SECONDS
+  while IFS= read -r line; do
+    if [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]]; then
+      tenth=$((10 * BASH_REMATCH[1] / BASH_REMATCH[2]))
+      if [[ $tenth -gt $shown ]]; then
+        shown=$tenth
+        log "  $((10 * tenth)) % after $((SECONDS - start)) s"
+      fi
+    fi
+  done
 }
 
 flags=(-DCMAKE_BUILD_TYPE=Release -DBOOST_STATIC=OFF -DCGAL_ENABLED=OFF

@@ -14,10 +14,13 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() / ".cache"))
 ARCHIVE = CACHE / "dgsfm/colmap-3.8-1/colmap_3.8.orig.tar.gz"
-# In place of the real ones: a build of 40 steps that prints a secret of the log.
+# In place of the real ones: a build of 40 steps, which waits for WAIT in its midst.
 CMAKE = """#!/bin/bash
 case "$1 $*" in
-  --build*) for i in {1..40}; do echo "[$i/40] Building CXX object $i"; done
+  --build*) for i in {1..40}; do
+      echo "[$i/40] Building CXX object $i"
+      while [[ $i == 20 && -n $WAIT && -e $WAIT ]]; do sleep 0.1; done
+    done
     [[ -z $FAIL ]] || { echo "error: no such thing"; exit 1; } ;;
   --install*) mkdir -p "${2%build}install/share/colmap" ;;
 esac
@@ -84,6 +87,28 @@ class BuildColmapTest(unittest.TestCase):
         prefix = run.stdout.strip()
         run = self.run_script(FAIL=1)
         self.assertEqual((run.returncode, run.stdout.strip()), (0, prefix), run.stderr)
+
+    def test_shows_progress_while_it_builds(self):
+        self.tool("cmake", CMAKE)
+        wait = self.folder / "wait"
+        wait.touch()
+        environment = {
+            **os.environ, "PATH": f"{self.tools}:{os.environ['PATH']}",
+            "XDG_CACHE_HOME": str(self.folder / "cache"),
+            "DGSFM_COLMAP_ARCHIVE": str(ARCHIVE), "WAIT": str(wait),
+        }  # fmt: skip
+        with subprocess.Popen(
+            [ROOT / "scripts/build_colmap.sh"], env=environment, text=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        ) as process:  # fmt: skip
+            for line in process.stderr:
+                if " 50 % after " in line:
+                    break
+            else:
+                self.fail("no line at half of the work")
+            wait.unlink()
+            process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 0)
 
     def test_shows_the_end_of_the_log_of_a_failure(self):
         self.tool("cmake", CMAKE)
