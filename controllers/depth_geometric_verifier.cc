@@ -204,9 +204,6 @@ Scene LoadScene(const DepthGeometricVerifierOptions& options,
   for (const auto& [camera_id, camera] : scene.cameras) {
     num_calibrated += camera.HasPriorFocalLength();
   }
-  LOG(INFO) << num_calibrated << " of " << scene.cameras.size()
-            << " cameras are calibrated, " << num_exif
-            << " have focal lengths from EXIF data (--intrinsics_prior)";
   timer.Add("cameras", double(scene.cameras.size()))
       .Add("cameras_calibrated", double(num_calibrated))
       .Add("cameras_with_exif", double(num_exif))
@@ -255,10 +252,6 @@ VerificationSummary VerifyDatabasePairs(
   } else {
     database.DeletePairGeometries(comparison.stale);
   }
-  LOG(INFO) << summary.num_kept << " pairs are verified already, "
-            << summary.num_deleted
-            << " stored ones are deleted because their matches, depths or "
-               "options have changed";
   CheckpointedPairs finished(options.checkpoint_interval_s, &database);
   verifier.Verify(comparison.work,
                   [&](colmap::image_pair_t pair_id, PairGeometry pair) {

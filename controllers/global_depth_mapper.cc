@@ -9,10 +9,10 @@
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
 #include "controllers/mapper_report.h"
+#include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <set>
@@ -112,23 +112,6 @@ std::string PairName(const Scene& scene, colmap::image_pair_t pair_id) {
          scene.images.at(image_id2).Name();
 }
 
-std::string UnitText(const MeasuredUnit& measured) {
-  const auto spread_percent =
-      std::lround(100 * std::expm1(measured.log_spread));
-  const std::string maps = std::to_string(measured.num_images) +
-                           " depth maps, whose scales differ by " +
-                           std::to_string(spread_percent) + " %";
-  switch (measured.unit) {
-    case ModelUnit::ARBITRARY:
-      return "unit arbitrary";
-    case ModelUnit::DEPTH_MAPS:
-      return "unit unknown: that of " + maps;
-    case ModelUnit::METRES:
-      break;
-  }
-  return "unit metres, by " + maps;
-}
-
 }  // namespace
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
@@ -177,21 +160,7 @@ bool GlobalDepthMapper::Run() {
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
-  size_t num_registered = 0;
-  for (const auto& model : result.models) {
-    num_registered += model->NumRegImages();
-  }
-  std::cout << "registered " << num_registered << " of " << scene.images.size()
-            << " images in " << result.models.size() << " models in "
-            << options_.output_path << std::endl;
-  for (size_t i = 0; i < result.models.size(); ++i) {
-    std::cout << "model " << i << ": " << result.models[i]->NumRegImages()
-              << " images, " << UnitText(result.units[i]) << std::endl;
-  }
-  for (const auto& [image_id, reason] : result.unregistered_images) {
-    std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "
-              << reason << std::endl;
-  }
+  std::cout << MapperSummary(scene, result, options_.output_path) << std::flush;
   return !result.models.empty();
 }
 
@@ -215,16 +184,12 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);
   }
-  if (!fingerprints.empty()) {
-    LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
-              << options.database_path;
-    if (!comparison.work.empty()) {
-      LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
-                   << PairName(scene, comparison.work.front().pair_id)
-                   << ", are not verified yet, or of other matches, depths or "
-                      "options, or by another version of this program: they "
-                      "are verified now";
-    }
+  if (!fingerprints.empty() && !comparison.work.empty()) {
+    LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
+                 << PairName(scene, comparison.work.front().pair_id)
+                 << ", are not verified yet, or of other matches, depths or "
+                    "options, or by another version of this program: they "
+                    "are verified now";
   }
   verifier.Verify(comparison.work,
                   [&](colmap::image_pair_t pair_id, PairGeometry pair) {

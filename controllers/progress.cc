@@ -14,6 +14,7 @@ struct Progress::Impl {
   std::string label;
   size_t total;
   size_t total_work;
+  double line_interval_s;
   bool is_terminal = isatty(STDERR_FILENO);
   Clock::time_point start = Clock::now();
   std::mutex mutex;
@@ -21,6 +22,7 @@ struct Progress::Impl {
   size_t work_done = 0;
   // Tenth of a second of the last bar, tenth of the work of the last line.
   int64_t last_shown = 0;
+  double last_line_s = 0;
 
   double Seconds() const {
     return std::chrono::duration<double>(Clock::now() - start).count();
@@ -42,7 +44,9 @@ struct Progress::Impl {
                  SecondsLeft());
   }
 
-  void ShowLine() const {
+  void ShowLine() {
+    if (Seconds() - last_line_s < line_interval_s) return;
+    last_line_s = Seconds();
     std::fprintf(stderr,
                  "%s: %zu/%zu, %.1f s, %.0f s left\n",
                  label.c_str(),
@@ -53,15 +57,19 @@ struct Progress::Impl {
   }
 };
 
-Progress::Progress(const std::string& label, size_t total, size_t total_work)
+Progress::Progress(const std::string& label,
+                   size_t total,
+                   size_t total_work,
+                   double line_interval_s)
     : impl_(std::make_unique<Impl>()) {
   impl_->label = label;
   impl_->total = total;
   impl_->total_work = total_work;
+  impl_->line_interval_s = line_interval_s;
 }
 
 Progress::~Progress() {
-  if (impl_->is_terminal && impl_->num_done > 0) std::fputc('\n', stderr);
+  if (impl_->is_terminal && impl_->num_done > 0) std::fputs("\r\033[K", stderr);
 }
 
 void Progress::Step(size_t work) {

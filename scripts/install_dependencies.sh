@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that building, testing and the demo need; does
 # nothing if they are there. --fork adds those of a full COLMAP, for
-# DGSFM_BUILD_FORK.
+# DGSFM_BUILD_FORK, and --packages those of scripts/build_packages.sh. Where
+# there is no dpkg, or DGSFM_SKIP_INSTALL is 1, nothing is installed: CMake names
+# what it misses.
 set -euo pipefail
 
 packages=(
@@ -18,9 +20,17 @@ packages=(
   # The program that extracts and matches features.
   colmap
 )
-if [[ ${1:-} == --fork ]]; then
+if [[ ${1:-} == --packages ]]; then
+  packages+=(dpkg-dev file patchelf)
+elif [[ ${1:-} == --fork ]]; then
   packages+=(libboost-graph-dev libboost-test-dev libflann-dev libgl-dev
     libglew-dev liblz4-dev libmetis-dev)
+fi
+
+if [[ ${DGSFM_SKIP_INSTALL:-0} == 1 ]] || ! command -v dpkg-query >/dev/null; then
+  echo "Nothing is installed; needed are, by their names in Debian:" \
+    "${packages[*]}" >&2
+  exit 0
 fi
 
 missing=()

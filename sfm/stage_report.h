@@ -1,4 +1,5 @@
-// What a stage did: logged as one line and written to report.json.
+// What a stage did: part of the story in the log, in detail at verbosity 1,
+// and written to report.json.
 
 #pragma once
 
@@ -29,7 +30,7 @@ class StageTimer {
   StageTimer& Add(const std::string& figure, double value);
   // The number of pairs of each kind, degeneracies as "valid_...".
   StageTimer& Add(const PairTotals& totals);
-  // Logs the stage and appends it to the reports.
+  // Appends the stage to the reports and logs the sentences that it completes.
   void Finish(std::vector<StageReport>* reports);
 
  private:

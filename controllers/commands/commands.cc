@@ -37,6 +37,17 @@ const std::vector<Command>& Commands() {
   return commands;
 }
 
+const Command* FindCommand(const std::string& name) {
+  static const Command documents = {
+      "command_documents",
+      "writes man pages, completions and a list of all options",
+      &RunCommandDocuments};
+  for (const Command& command : Commands()) {
+    if (command.name == name) return &command;
+  }
+  return name == documents.name ? &documents : nullptr;
+}
+
 int RunCommand(const Command& command, int argc, char** argv) {
   try {
     const int exit_code = command.run(argc, argv);
