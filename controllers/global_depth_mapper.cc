@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <iostream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include <glog/logging.h>
@@ -129,14 +130,55 @@ std::string UnitText(const MeasuredUnit& measured) {
   return "unit metres, by " + maps;
 }
 
+GlobalDepthMapperSummary Summarize(const Scene& scene,
+                                   const DepthGlobalMapperResult& result,
+                                   const std::string& output_path) {
+  GlobalDepthMapperSummary summary;
+  summary.output_path = output_path;
+  summary.num_images = scene.images.size();
+  for (size_t i = 0; i < result.models.size(); ++i) {
+    summary.models.push_back(
+        {(fs::path(output_path) / std::to_string(i)).string(),
+         result.models[i]->NumRegImages(),
+         result.units[i]});
+  }
+  for (const auto& [image_id, reason] : result.unregistered_images) {
+    summary.unregistered_images.emplace_back(scene.images.at(image_id).Name(),
+                                             reason);
+  }
+  return summary;
+}
+
 }  // namespace
+
+std::string GlobalDepthMapperSummary::ToText() const {
+  size_t num_registered = 0;
+  for (const Model& model : models) num_registered += model.num_images;
+  std::ostringstream text;
+  text << "registered " << num_registered << " of " << num_images
+       << " images in " << models.size() << " models in " << output_path
+       << "\n";
+  for (size_t i = 0; i < models.size(); ++i) {
+    text << "model " << i << ": " << models[i].num_images << " images, "
+         << UnitText(models[i].unit) << "\n";
+  }
+  for (const auto& [name, reason] : unregistered_images) {
+    text << "not registered: " << name << ": " << reason << "\n";
+  }
+  return text.str();
+}
+
+std::string GlobalDepthMapperSummary::FailureText() const {
+  return "no model could be reconstructed, see " +
+         (fs::path(output_path) / kReportFile).string();
+}
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
     : options_(options) {
   options_.mapper.num_threads = options_.verifier.verification.num_threads;
 }
 
-bool GlobalDepthMapper::Run() {
+GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
   RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
@@ -179,22 +221,7 @@ bool GlobalDepthMapper::Run() {
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
-  size_t num_registered = 0;
-  for (const auto& model : result.models) {
-    num_registered += model->NumRegImages();
-  }
-  std::cout << "registered " << num_registered << " of " << scene.images.size()
-            << " images in " << result.models.size() << " models in "
-            << options_.output_path << std::endl;
-  for (size_t i = 0; i < result.models.size(); ++i) {
-    std::cout << "model " << i << ": " << result.models[i]->NumRegImages()
-              << " images, " << UnitText(result.units[i]) << std::endl;
-  }
-  for (const auto& [image_id, reason] : result.unregistered_images) {
-    std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "
-              << reason << std::endl;
-  }
-  return !result.models.empty();
+  return Summarize(scene, result, options_.output_path);
 }
 
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
@@ -291,10 +318,10 @@ int RunDepthGlobalMapper(int argc, char** argv) {
       return *exit_code;
     }
   }
-  if (GlobalDepthMapper(options).Run()) return 0;
-  std::cerr << "ERROR: no model could be reconstructed, see "
-            << (fs::path(options.output_path) / kReportFile).string()
-            << std::endl;
+  const GlobalDepthMapperSummary summary = GlobalDepthMapper(options).Run();
+  std::cout << summary.ToText() << std::flush;
+  if (!summary.models.empty()) return 0;
+  std::cerr << "ERROR: " << summary.FailureText() << std::endl;
   return 1;
 }
 

@@ -1,13 +1,33 @@
 // Progress of a long loop on stderr: a bar with time left on a terminal,
-// otherwise a plain line at every tenth of the work.
+// otherwise a plain line at every tenth of the work; or for a listener.
 
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 
 namespace dgsfm {
+
+// Gets label, number of items that are done, and total; by one thread at a
+// time.
+using ProgressListener =
+    std::function<void(const std::string& label, size_t done, size_t total)>;
+
+// While this lives, progress that the calling thread constructs goes to the
+// listener instead of stderr.
+class ProgressScope {
+ public:
+  explicit ProgressScope(ProgressListener listener);
+  ~ProgressScope();
+  ProgressScope(const ProgressScope&) = delete;
+  ProgressScope& operator=(const ProgressScope&) = delete;
+
+ private:
+  const ProgressListener listener_;
+  const ProgressListener* outer_;
+};
 
 class Progress {
  public:

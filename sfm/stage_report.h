@@ -22,7 +22,8 @@ struct StageReport {
   double peak_memory_mb = 0;
 };
 
-// Measures a stage from construction to Finish().
+// Measures a stage from construction, which throws Cancelled if the work is
+// (see cancellation.h), to Finish().
 class StageTimer {
  public:
   explicit StageTimer(const std::string& stage);

@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/output_file.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -35,6 +36,18 @@ std::string ToText(const T& value) {
     DGSFM_CHECK(error == std::errc());
     return std::string(buffer, end);
   }
+}
+
+std::string ToText(const CommandOptions::Value& value) {
+  return std::visit([](const auto& typed) { return ToText(typed); }, value);
+}
+
+template <typename T>
+std::string TypeName() {
+  if constexpr (std::is_same_v<T, bool>) return "a truth value";
+  if constexpr (std::is_same_v<T, int>) return "a whole number";
+  if constexpr (std::is_same_v<T, double>) return "a number";
+  return "a text";
 }
 
 bool IsQuoted(const std::string& text) {
@@ -86,11 +99,6 @@ po::parsed_options ReadProject(const std::string& path,
 }  // namespace
 
 struct CommandOptions::Impl {
-  struct Option {
-    std::string name;
-    std::function<std::string()> to_text;
-  };
-
   std::string command;
   std::string summary;
   std::string project_path;
@@ -122,7 +130,21 @@ struct CommandOptions::Impl {
         name.c_str(),
         semantic,
         (help + (is_required ? " (required)" : "")).c_str());
-    options.push_back({name, [value] { return ToText(*value); }});
+    const auto set = [name, value](const Value& given) {
+      const T* of_type = std::get_if<T>(&given);
+      if (of_type == nullptr) {
+        throw std::runtime_error("option " + name + " must be " +
+                                 TypeName<T>() + ", but is " + ToText(given));
+      }
+      if constexpr (std::is_same_v<T, double>) {
+        if (std::isnan(*of_type)) {
+          throw std::runtime_error("option " + name + " must not be nan");
+        }
+      }
+      *value = *of_type;
+    };
+    options.push_back(
+        {name, help, is_required, {}, [value] { return Value(*value); }, set});
   }
 
   // The command line goes first because the first value of an option wins.
@@ -181,6 +203,53 @@ void CommandOptions::AddRequired(const std::string& name,
   impl_->Add(name, value, help, /*is_required=*/true);
 }
 
+void CommandOptions::AddText(const std::string& name,
+                             const std::vector<std::string>& choices,
+                             const std::function<std::string()>& get,
+                             const std::function<void(const std::string&)>& set,
+                             const std::string& help) {
+  const auto checked_set = [name, choices, set](const std::string& text) {
+    if (std::find(choices.begin(), choices.end(), text) == choices.end()) {
+      std::string expected;
+      for (const std::string& choice : choices) {
+        expected += (expected.empty() ? "" : ", ") + choice;
+      }
+      throw std::runtime_error(name + " is '" + text + "' but must be one of " +
+                               expected);
+    }
+    set(text);
+  };
+  impl_->description.add_options()(
+      name.c_str(),
+      po::value<std::string>()->default_value(get())->notifier(
+          [checked_set](const std::string& text) {
+            try {
+              checked_set(text);
+            } catch (const std::runtime_error& error) {
+              throw po::error(error.what());
+            }
+          }),
+      help.c_str());
+  const auto set_value = [name, checked_set](const Value& given) {
+    const std::string* text = std::get_if<std::string>(&given);
+    if (text == nullptr) {
+      throw std::runtime_error("option " + name + " must be a text, but is " +
+                               ToText(given));
+    }
+    checked_set(*text);
+  };
+  impl_->options.push_back({name,
+                            help,
+                            /*is_required=*/false,
+                            choices,
+                            [get] { return Value(get()); },
+                            set_value});
+}
+
+const std::vector<CommandOptions::Option>& CommandOptions::Options() const {
+  return impl_->options;
+}
+
 #define DGSFM_INSTANTIATE(T)                       \
   template void CommandOptions::Add<T>(            \
       const std::string&, T*, const std::string&); \
@@ -209,8 +278,8 @@ std::optional<int> CommandOptions::Parse(int argc, char** argv) {
 std::string CommandOptions::ProjectText() const {
   std::string text;
   std::map<std::string, std::string> groups;
-  for (const Impl::Option& option : impl_->options) {
-    const std::string value = option.to_text();
+  for (const Option& option : impl_->options) {
+    const std::string value = ToText(option.get());
     if (value.find('\n') != std::string::npos) {
       throw std::runtime_error("option " + option.name +
                                " contains a line break");

@@ -1,5 +1,6 @@
 #include "sfm/mapping/model_refinement.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
@@ -325,6 +326,7 @@ size_t Retriangulate(const ModelRefinementOptions& options,
   colmap::IncrementalTriangulator triangulator(&graph, model);
   const size_t num_before = model->ComputeNumObservations();
   for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
+    ThrowIfCancelled();
     triangulator.TriangulateImage(triangulation, image_id);
   }
   triangulator.CompleteAllTracks(triangulation);
