@@ -50,7 +50,7 @@ void AddFile(const std::string& path, FnvHash* hash) {
                 fs::last_write_time(path, error).time_since_epoch().count()});
 }
 
-void AddArrays(const ArrayReader& arrays, FnvHash* hash) {
+void AddArrays(const ArrayReader& arrays, FnvHash* hash) try {
   for (const char* name : kDepthArrayNames) {
     const auto array = arrays(name);
     hash->Add(array.has_value());
@@ -58,6 +58,8 @@ void AddArrays(const ArrayReader& arrays, FnvHash* hash) {
     hash->AddAll(array->shape);
     hash->AddAll(array->values);
   }
+} catch (const std::runtime_error&) {
+  // The import of the image fails with the reason.
 }
 
 // Hash of all that the depth of an image depends on, its key points excepted.

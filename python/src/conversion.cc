@@ -87,15 +87,17 @@ ArrayView ViewOf(nb::handle object) {
 
 // The value in the type that the option has, where Python lets one stand for
 // the other.
-CommandOptions::Value ToValue(const CommandOptions::Value& current,
+CommandOptions::Value ToValue(const CommandOptions::Option& option,
                               nb::handle value) {
+  const CommandOptions::Value current = option.get();
   if (nb::isinstance<nb::bool_>(value)) return nb::cast<bool>(value);
   if (nb::isinstance<nb::str>(value)) return nb::cast<std::string>(value);
   if (nb::isinstance<nb::int_>(value)) {
     if (std::holds_alternative<double>(current)) return nb::cast<double>(value);
     int number = 0;
     if (!nb::try_cast(value, number)) {
-      throw nb::value_error("a whole number is out of range");
+      throw nb::value_error(
+          ("option " + option.name + " is out of range").c_str());
     }
     const bool is_truth_value = number == 0 || number == 1;
     if (std::holds_alternative<bool>(current) && is_truth_value) {
@@ -131,7 +133,7 @@ void SetOptions(const nb::dict& values, CommandOptions* options) {
       if (option.name != name) continue;
       is_found = true;
       try {
-        option.set(ToValue(option.get(), value));
+        option.set(ToValue(option, value));
       } catch (const std::runtime_error& error) {
         throw nb::value_error(error.what());
       }

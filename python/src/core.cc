@@ -33,7 +33,10 @@ void Configure(const nb::dict& values, Options* options) {
   BindOptions(options, &bound);
   SetOptions(values, &bound);
   std::string error;
-  if (!options->IsValid(&error)) throw nb::value_error(error.c_str());
+  if (options->IsValid(&error)) return;
+  // Some end their lines.
+  error.erase(error.find_last_not_of('\n') + 1);
+  throw nb::value_error(error.c_str());
 }
 
 template <typename Options>
