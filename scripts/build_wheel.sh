@@ -21,20 +21,21 @@ python3 -m venv "$tools"
 "$tools/bin/pip" install --quiet --disable-pip-version-check \
   --requirement python/wheel_requirements.txt
 export PATH=$tools/bin:$PATH
+# The compiler of the other builds, not that which built the interpreter.
+export CC=${CC:-/usr/bin/cc} CXX=${CXX:-/usr/bin/c++}
 if command -v ccache >/dev/null; then
   export CMAKE_CXX_COMPILER_LAUNCHER=ccache
 fi
 
 # The copyright files of the Debian packages whose libraries a wheel holds.
 add_licences() {
-  local wheel=$1 folder=$work/unpacked library package real
+  local wheel=$1 folder=$work/unpacked package real
   rm -rf "$folder"
   python -m wheel unpack --dest "$folder" "$wheel" >/dev/null
   local content=("$folder"/*)
   mkdir -p "${content[0]}/dgsfm/licences"
   cp LICENSE "${content[0]}/dgsfm/licences/dgsfm"
-  while read -r library; do
-    real=$(readlink -f "$library")
+  while read -r real; do
     package=$(dpkg-query --search "$real" 2>/dev/null ||
       dpkg-query --search "${real#/usr}")
     package=${package%%:*}
@@ -61,9 +62,16 @@ for python in "${pythons[@]}"; do
   ldd "$work"/module/dgsfm/_core*.so | awk '/=> \//{print $3}' |
     sort -u >"$work/all_libraries"
   unzip -l "$work"/repaired/*.whl 'dgsfm.libs/*' |
-    sed -n 's:.*dgsfm.libs/\([^.]*\)-[0-9a-f]\{8\}\(\.so.*\):\1\2:p' |
+    sed -n 's:.*dgsfm.libs/\([^.]*\)-[0-9a-f]\{8\}\.\(.*\):\1.\2:p' |
     sort -u >"$work/grafted"
-  grep -F -f "$work/grafted" "$work/all_libraries" >"$work/libraries"
+  while read -r library; do
+    real=$(readlink -f "$library")
+    if grep -qxF "$(basename "$real")" "$work/grafted"; then echo "$real"; fi
+  done <"$work/all_libraries" >"$work/libraries"
+  if [[ $(wc -l <"$work/libraries") -ne $(wc -l <"$work/grafted") ]]; then
+    echo "ERROR: not every library of the wheel was found for its licence" >&2
+    exit 1
+  fi
   rm -r "$work/module"
   add_licences "$work"/repaired/*.whl
   cp "$work"/repaired/*.whl dist/

@@ -1,4 +1,4 @@
-"""The program as a console script."""
+"""Console scripts: the program, and the one that estimates depth."""
 
 import sys
 
@@ -8,6 +8,15 @@ def main() -> None:
     from . import _core
 
     sys.exit(_core.run_program(sys.argv))
+
+
+def estimate_depth() -> None:
+    """Runs estimate_depth, which needs Pillow."""
+    try:
+        from . import estimate_depth as program
+    except ImportError as error:
+        sys.exit(f"{error}; install it by: pip install 'dgsfm[depth]'")
+    program.main()
 
 
 if __name__ == "__main__":
