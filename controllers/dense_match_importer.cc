@@ -3,7 +3,6 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/database/sqlite.h"
-#include "colmap_ext/formats/dense_match_file.h"
 #include "colmap_ext/keypoint_merger.h"
 #include "controllers/image_names.h"
 #include "controllers/progress.h"
@@ -297,12 +296,11 @@ std::string DenseMatchImportSummary::ToText() const {
 
 DenseMatchImportSummary ImportDenseMatches(
     const std::string& database_path,
-    const std::string& match_path,
+    const DenseMatchFile& file,
     const DenseMatchImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
-  const DenseMatchFile file(match_path);
   const SqliteConnection connection(database_path,
                                     SqliteConnection::Mode::READ_WRITE);
   connection.Execute(kCreateIndexTable);

@@ -1,5 +1,6 @@
 #include "controllers/depth_geometric_verifier.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/commands.h"
@@ -253,10 +254,15 @@ VerificationSummary VerifyDatabasePairs(
     database.DeletePairGeometries(comparison.stale);
   }
   CheckpointedPairs finished(options.checkpoint_interval_s, &database);
-  verifier.Verify(comparison.work,
-                  [&](colmap::image_pair_t pair_id, PairGeometry pair) {
-                    finished.Add(pair_id, std::move(pair));
-                  });
+  try {
+    verifier.Verify(comparison.work,
+                    [&](colmap::image_pair_t pair_id, PairGeometry pair) {
+                      finished.Add(pair_id, std::move(pair));
+                    });
+  } catch (const Cancelled&) {
+    finished.Store();
+    throw;
+  }
   finished.Store();
   summary.totals = database.ReadPairTotals();
   timer.Add("kept", double(summary.num_kept))

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <iostream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include <glog/logging.h>
@@ -112,12 +113,36 @@ std::string PairName(const Scene& scene, colmap::image_pair_t pair_id) {
          scene.images.at(image_id2).Name();
 }
 
+GlobalDepthMapperSummary Summarize(const Scene& scene,
+                                   const DepthGlobalMapperResult& result,
+                                   const std::string& output_path) {
+  GlobalDepthMapperSummary summary;
+  summary.output_path = output_path;
+  summary.text = MapperSummary(scene, result, output_path);
+  for (size_t i = 0; i < result.models.size(); ++i) {
+    summary.models.push_back(
+        {(fs::path(output_path) / std::to_string(i)).string(),
+         result.models[i]->NumRegImages(),
+         result.units[i]});
+  }
+  for (const auto& [image_id, reason] : result.unregistered_images) {
+    summary.unregistered_images.emplace_back(scene.images.at(image_id).Name(),
+                                             reason);
+  }
+  return summary;
+}
+
 }  // namespace
+
+std::string GlobalDepthMapperSummary::FailureText() const {
+  return "no model could be reconstructed, see " +
+         (fs::path(output_path) / kReportFile).string();
+}
 
 GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
     : options_(options) {}
 
-bool GlobalDepthMapper::Run() {
+GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
   RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
@@ -160,8 +185,7 @@ bool GlobalDepthMapper::Run() {
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
-  std::cout << MapperSummary(scene, result, options_.output_path) << std::flush;
-  return !result.models.empty();
+  return Summarize(scene, result, options_.output_path);
 }
 
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
@@ -254,10 +278,10 @@ int RunDepthGlobalMapper(int argc, char** argv) {
       return *exit_code;
     }
   }
-  if (GlobalDepthMapper(options).Run()) return 0;
-  std::cerr << "ERROR: no model could be reconstructed, see "
-            << (fs::path(options.output_path) / kReportFile).string()
-            << std::endl;
+  const GlobalDepthMapperSummary summary = GlobalDepthMapper(options).Run();
+  std::cout << summary.text << std::flush;
+  if (!summary.models.empty()) return 0;
+  std::cerr << "ERROR: " << summary.FailureText() << std::endl;
   return 1;
 }
 

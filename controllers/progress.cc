@@ -3,13 +3,28 @@
 #include <chrono>
 #include <cstdio>
 #include <mutex>
+#include <utility>
 
 #include <unistd.h>
 
 namespace dgsfm {
+namespace {
+
+thread_local const ProgressListener* current_listener = nullptr;
+
+}  // namespace
+
+ProgressScope::ProgressScope(ProgressListener listener)
+    : listener_(std::move(listener)), outer_(current_listener) {
+  current_listener = &listener_;
+}
+
+ProgressScope::~ProgressScope() { current_listener = outer_; }
 
 struct Progress::Impl {
   using Clock = std::chrono::steady_clock;
+
+  const ProgressListener* listener = current_listener;
 
   std::string label;
   size_t total;
@@ -69,7 +84,9 @@ Progress::Progress(const std::string& label,
 }
 
 Progress::~Progress() {
-  if (impl_->is_terminal && impl_->num_done > 0) std::fputs("\r\033[K", stderr);
+  if (impl_->listener == nullptr && impl_->is_terminal && impl_->num_done > 0) {
+    std::fputs("\r\033[K", stderr);
+  }
 }
 
 void Progress::Step(size_t work) {
@@ -77,6 +94,10 @@ void Progress::Step(size_t work) {
   if (impl_->num_done >= impl_->total) return;
   ++impl_->num_done;
   impl_->work_done += work;
+  if (impl_->listener != nullptr) {
+    (*impl_->listener)(impl_->label, impl_->num_done, impl_->total);
+    return;
+  }
   const bool is_last = impl_->num_done == impl_->total;
   const int64_t now = impl_->is_terminal
                           ? static_cast<int64_t>(10 * impl_->Seconds())

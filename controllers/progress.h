@@ -1,14 +1,34 @@
 // Progress of a long loop on stderr: on a terminal a bar with the time left,
 // which goes away at the end; otherwise a plain line at every tenth of the
-// work, unless the line before is of the last seconds.
+// work, unless the line before is of the last seconds. Or for a listener.
 
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 
 namespace dgsfm {
+
+// Gets label, number of items that are done, and total; by one thread at a
+// time.
+using ProgressListener =
+    std::function<void(const std::string& label, size_t done, size_t total)>;
+
+// While this lives, progress that the calling thread constructs goes to the
+// listener instead of stderr.
+class ProgressScope {
+ public:
+  explicit ProgressScope(ProgressListener listener);
+  ~ProgressScope();
+  ProgressScope(const ProgressScope&) = delete;
+  ProgressScope& operator=(const ProgressScope&) = delete;
+
+ private:
+  const ProgressListener listener_;
+  const ProgressListener* outer_;
+};
 
 class Progress {
  public:

@@ -9,7 +9,7 @@ set -euo pipefail
 packages=(
   # Tools. gzip, tar, patch and the like come with build-essential.
   build-essential ca-certificates clang-format-14 cmake git ninja-build
-  pkg-config python3 python3-venv
+  pkg-config python3 python3-dev python3-venv unzip
   # Libraries of COLMAP's core and of ours.
   libboost-filesystem-dev libboost-program-options-dev libboost-system-dev
   libceres-dev libeigen3-dev libfreeimage-dev libgoogle-glog-dev libhdf5-dev

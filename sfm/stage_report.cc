@@ -1,5 +1,6 @@
 #include "sfm/stage_report.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/process_memory.h"
 #include "sfm/stage_story.h"
 
@@ -25,6 +26,7 @@ double CpuSeconds() {
 
 StageTimer::StageTimer(const std::string& stage)
     : start_(std::chrono::steady_clock::now()), cpu_start_(CpuSeconds()) {
+  ThrowIfCancelled();
   report_.stage = stage;
 }
 

@@ -23,7 +23,7 @@ struct StageReport {
   double peak_memory_mb = 0;
 };
 
-// Measures a stage from construction to Finish().
+// A stage from construction, which throws Cancelled if it is, to Finish().
 class StageTimer {
  public:
   explicit StageTimer(const std::string& stage);

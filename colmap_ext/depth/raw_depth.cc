@@ -79,6 +79,7 @@ DepthGrid ReadGrid(const std::string& path, int png_bit_depth) {
 }
 
 RawDepth ReadArraysOrGrid(const DepthFile& file) {
+  if (file.arrays) return ReadArrays(file.arrays);
   if (IsHdf5Path(file.path)) {
     const Hdf5File archive(file.path);
     return ReadArrays(

@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 namespace dgsfm {
 namespace {
@@ -129,7 +130,15 @@ struct DenseMatchFile::Impl {
     }
   }
 
+  explicit Impl(std::map<std::string, ArrayReader> given)
+      : arrays(std::move(given)) {
+    for (const auto& [group, reader] : arrays) groups.push_back(group);
+  }
+
   DenseMatches Read(const std::string& group) const {
+    if (const auto reader = arrays.find(group); reader != arrays.end()) {
+      return ReadArrays(reader->second);
+    }
     if (hdf5) {
       return ReadArrays(
           [&](const std::string& name) { return hdf5->Read(group, name); });
@@ -144,6 +153,7 @@ struct DenseMatchFile::Impl {
     return ReadArrays([&](const std::string& name) { return file.Read(name); });
   }
 
+  std::map<std::string, ArrayReader> arrays;
   std::string folder;
   std::optional<internal::Hdf5File> hdf5;
   std::optional<internal::NpzFile> npz;
@@ -157,6 +167,10 @@ DenseMatchFile::DenseMatchFile(const std::string& path) : path_(path) {
     throw std::runtime_error(path + ": " + error.what());
   }
 }
+
+DenseMatchFile::DenseMatchFile(const std::string& path,
+                               std::map<std::string, ArrayReader> arrays)
+    : path_(path), impl_(std::make_unique<Impl>(std::move(arrays))) {}
 
 DenseMatchFile::~DenseMatchFile() = default;
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <functional>
-#include <iostream>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -135,26 +134,6 @@ template <typename Options>
 void CheckOptions(const Options& options) {
   std::string error;
   if (!options.IsValid(&error)) throw std::runtime_error(error);
-}
-
-// Finds the value of the choice that the text of an option names; otherwise
-// false and a message on stderr.
-template <typename T>
-bool ParseChoice(const std::string& name,
-                 const std::string& text,
-                 const std::vector<std::pair<std::string, T>>& choices,
-                 T* value) {
-  std::string expected;
-  for (const auto& [choice, choice_value] : choices) {
-    if (text == choice) {
-      *value = choice_value;
-      return true;
-    }
-    expected += (expected.empty() ? "" : ", ") + choice;
-  }
-  std::cerr << "ERROR: " << name << " is '" << text << "' but must be one of "
-            << expected << std::endl;
-  return false;
 }
 
 // Adds options whose names begin with that of their group: "Group.field".

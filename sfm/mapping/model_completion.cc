@@ -1,5 +1,6 @@
 #include "sfm/mapping/model_completion.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/two_view/two_view_model.h"
 #include "estimators/two_view/two_view_residuals.h"
@@ -145,6 +146,7 @@ size_t Retriangulate(const ModelRefinementOptions& options,
   colmap::IncrementalTriangulator triangulator(&graph, model);
   const size_t num_before = model->ComputeNumObservations();
   for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
+    ThrowIfCancelled();
     triangulator.TriangulateImage(triangulation, image_id);
   }
   triangulator.CompleteAllTracks(triangulation);

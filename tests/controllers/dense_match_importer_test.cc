@@ -46,7 +46,8 @@ class DenseMatchImporter : public testing::Test {
 
   DenseMatchImportSummary Import(
       const DenseMatchImportOptions& options = {}) const {
-    return ImportDenseMatches(database_path_, dir_ + "/matches.npz", options);
+    return ImportDenseMatches(
+        database_path_, DenseMatchFile(dir_ + "/matches.npz"), options);
   }
 
   void ExpectError(const std::vector<std::string>& parts) const {

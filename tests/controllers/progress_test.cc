@@ -48,5 +48,24 @@ TEST(Progress, ShortWorkPrintsNothing) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
+TEST(Progress, GoesToTheListenerOfItsThread) {
+  std::vector<size_t> done;
+  testing::internal::CaptureStderr();
+  {
+    const ProgressScope scope(
+        [&](const std::string& label, size_t num_done, size_t total) {
+          EXPECT_EQ(label, "Work");
+          EXPECT_EQ(total, 3);
+          done.push_back(num_done);
+        });
+    Progress progress("Work", 3);
+    std::thread([&progress] { progress.Step(); }).join();
+    progress.Step();
+    progress.Step();
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(done, (std::vector<size_t>{1, 2, 3}));
+}
+
 }  // namespace
 }  // namespace dgsfm
