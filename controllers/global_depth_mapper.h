@@ -15,8 +15,8 @@ class GlobalDepthMapper {
  public:
   explicit GlobalDepthMapper(const GlobalDepthMapperOptions& options);
 
-  // Writes models and report. Returns false if no model came out of it (the
-  // report then says why); throws std::runtime_error on unusable input.
+  // Writes models, report and its page. Returns false if no model came out of
+  // it (the report then says why); throws std::runtime_error on unusable input.
   bool Run();
 
  private:
@@ -26,6 +26,8 @@ class GlobalDepthMapper {
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages) const;
   void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
+  // The page for the models and the report that were staged.
+  void StageReportPage(const RunFolder& folder, size_t num_models) const;
   void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;

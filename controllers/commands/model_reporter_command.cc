@@ -27,14 +27,6 @@ std::vector<std::string> ModelsAt(const std::string& path, bool has_report) {
   }
 }
 
-// "model" for "path/to/model/" too.
-std::string FolderName(const std::string& path) {
-  const fs::path folder = fs::absolute(path).lexically_normal();
-  return (folder.has_filename() ? folder : folder.parent_path())
-      .filename()
-      .string();
-}
-
 }  // namespace
 
 int RunModelReporter(int argc, char** argv) {
@@ -62,6 +54,7 @@ int RunModelReporter(int argc, char** argv) {
   input.model_folders = ModelsAt(input_path, !input.report_path.empty());
   input.project_path = FileIfThere(fs::path(input_path) / "project.ini");
   WriteReportPage(input, output_path);
+  AddToRun(output_path);
   std::cout << "Report page: " << output_path << std::endl;
   return 0;
 }

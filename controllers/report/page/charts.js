@@ -1,7 +1,9 @@
 // Charts as SVG: a histogram and a plot of dots with error bars. Each has a
 // sentence for those who do not see it.
 
-const CHART = {width: 640, height: 230, left: 58, right: 12, top: 12, bottom: 40};
+const MARGINS = {left: 52, right: 12, top: 30, bottom: 40};
+const WIDE = {...MARGINS, width: 580, height: 240};
+const NARROW = {...MARGINS, width: 380, height: 240};
 
 function niceStep(range, maxTicks) {
   const rough = range / maxTicks;
@@ -37,8 +39,8 @@ function axis(low, high, from, to, isLog = false) {
   return (value) => from + (to - from) * (map(value) - map(low)) / span;
 }
 
-function chartFrame(label, {xTitle, yTitle, yTicks, y, yText = figure}) {
-  const {width, height, left, right, top, bottom} = CHART;
+function chartFrame(label, shape, {xTitle, yTitle, yTicks, y}) {
+  const {width, height, left, right} = shape;
   const root = drawing('svg', {
     class: 'chart', role: 'img', 'aria-label': label,
     viewBox: `0 0 ${width} ${height}`,
@@ -48,7 +50,7 @@ function chartFrame(label, {xTitle, yTitle, yTicks, y, yText = figure}) {
     addTo(root, [
       drawing('line', {class: 'grid', x1: left, x2: width - right, y1: at, y2: at}),
       drawing('text', {class: 'tick', x: left - 8, y: at + 4, 'text-anchor': 'end'},
-        yText(tick)),
+        plainNumber(tick)),
     ]);
   }
   addTo(root, [
@@ -56,10 +58,7 @@ function chartFrame(label, {xTitle, yTitle, yTicks, y, yText = figure}) {
       class: 'axis-title', x: (left + width - right) / 2, y: height - 4,
       'text-anchor': 'middle',
     }, xTitle),
-    drawing('text', {
-      class: 'axis-title', 'text-anchor': 'middle',
-      transform: `translate(12 ${(top + height - bottom) / 2}) rotate(-90)`,
-    }, yTitle),
+    drawing('text', {class: 'axis-title', x: 0, y: 12}, yTitle),
   ]);
   return root;
 }
@@ -71,12 +70,12 @@ function plainNumber(value) {
 // `counts[i]` are for values from i * step on; the last one is for all larger
 // ones unless isWhole. `marker` is {value, label}.
 function histogram(label, {counts, step, xTitle, yTitle, marker, isWhole}) {
-  const {width, height, left, right, top, bottom} = CHART;
+  const {width, height, left, right, top, bottom} = NARROW;
   const highest = Math.max(1, ...counts);
   const y = axis(0, highest, height - bottom, top);
   const x = axis(0, counts.length, left, width - right);
-  const root = chartFrame(label, {
-    xTitle, yTitle, y, yText: plainNumber,
+  const root = chartFrame(label, NARROW, {
+    xTitle, yTitle, y,
     yTicks: linearTicks(0, highest, 4).filter(Number.isInteger),
   });
   counts.forEach((number, i) => {
@@ -89,7 +88,7 @@ function histogram(label, {counts, step, xTitle, yTitle, marker, isWhole}) {
       width: x(1) - x(0) - 1, height: y(0) - y(number),
     }, drawing('title', {}, `${range}: ${plainNumber(number)}`))]);
   });
-  const tickStep = niceStep(counts.length * step, 10);
+  const tickStep = niceStep(counts.length * step, 6);
   for (let value = 0; value <= (counts.length - (isWhole ? 0 : 1)) * step + 1e-9;
     value += tickStep) {
     // Whole numbers have bars, ranges have borders.
@@ -149,7 +148,7 @@ function plotDot(dot, at, y, [low, high]) {
 // Columns of dots; `bands` are {from, to, label} of columns that belong
 // together, `guides` {value, label}.
 function dotPlot(label, {columns, xTitle, yTitle, isLog, bands = [], guides = []}) {
-  const {width, height, left, right, top, bottom} = CHART;
+  const {width, height, left, right, top, bottom} = WIDE;
   const values = columns.flat().flatMap((dot) => {
     // Wide priors must not flatten the rest.
     const isNarrow = dot.stddev > 0 && dot.stddev < 0.15 * dot.value;
@@ -160,8 +159,8 @@ function dotPlot(label, {columns, xTitle, yTitle, isLog, bands = [], guides = []
   const range = roomyRange(values, isLog);
   const y = axis(...range, height - bottom, top, isLog);
   const x = axis(-0.5, columns.length - 0.5, left, width - right);
-  const root = chartFrame(label, {
-    xTitle, yTitle, y, yText: plainNumber,
+  const root = chartFrame(label, WIDE, {
+    xTitle, yTitle, y,
     yTicks: isLog ? logTicks(...range) : linearTicks(...range, 4),
   });
   bands.forEach((band, i) => {

@@ -37,6 +37,7 @@ function fillPage() {
   }
   if (sceneCard) sceneCard.start();
   document.documentElement.setAttribute('data-ready', 'true');
+  return {data, sceneCard};
 }
 
-fillPage();
+const page = fillPage();

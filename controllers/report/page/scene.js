@@ -206,7 +206,7 @@ class SceneView {
     const side = cross(up, backward);
     const offset = backward.map((value, i) => 0.75 * value + 0.45 * up[i] + 0.35 * side[i]);
     const away = normalized(offset, up);
-    this.placeCamera(up, away, 0.85 * this.extent);
+    this.placeCamera(up, away, 0.95 * this.extent);
     this.canvas.setAttribute('data-ready', 'true');
   }
 

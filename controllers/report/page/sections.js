@@ -163,24 +163,24 @@ function viewGraphSection(data) {
 
 // ----- Cameras
 
+// A guess of the database says nothing, and would flatten the plot.
+const MAX_PRIOR_STDDEV_RATIO = 0.15;
+
 function focalDots(camera) {
   const dots = [];
   const name = `Camera ${camera.camera_id}, ${camera.model}`;
-  if (camera.prior) {
-    const stddev = camera.prior_stddevs ? camera.prior_stddevs[0] : null;
+  const stddev = camera.prior_stddevs ? camera.prior_stddevs[0] : null;
+  if (stddev !== null && stddev < MAX_PRIOR_STDDEV_RATIO * camera.prior[0]) {
     dots.push({
-      value: camera.prior[0], stddev: stddev || 0, isHollow: true,
-      title: `${name}, given: ${figure(camera.prior[0], 'px')}` +
-        (stddev === null ? ', unknown' : ` ± ${figure(stddev)}`),
+      value: camera.prior[0], stddev, isHollow: true,
+      title: `${name}, given: ${figure(camera.prior[0], 'px')} ± ${figure(stddev)}`,
     });
   }
-  if (camera.posterior) {
-    const stddev = camera.posterior_stddevs ? camera.posterior_stddevs[0] : 0;
-    dots.push({
-      value: camera.posterior[0], stddev: stddev || 0,
-      title: `${name}: ${figure(camera.posterior[0], 'px')} ± ${figure(stddev)}`,
-    });
-  }
+  const error = camera.posterior_stddevs ? camera.posterior_stddevs[0] : 0;
+  dots.push({
+    value: camera.posterior[0], stddev: error || 0,
+    title: `${name}: ${figure(camera.posterior[0], 'px')} ± ${figure(error)}`,
+  });
   return dots;
 }
 
@@ -210,7 +210,8 @@ function camerasSection(data) {
       columns: shown.map(focalDots), bands, isLog: false,
       xTitle: 'cameras, by group of the same intrinsics', yTitle: 'focal length [px]',
     }),
-    help('Filled: as estimated, with one standard deviation. Hollow: as given.',
+    help('Filled: as estimated, with one standard deviation. Hollow: as given, ' +
+      'where something is.',
       cameras.length > shown.length && ` The first ${shown.length} cameras are drawn.`),
     element('details', {}, element('summary', {}, 'As a table'),
       plainTable('Cameras', [

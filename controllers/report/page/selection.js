@@ -9,6 +9,10 @@ function factList(facts) {
     .map(([term, value]) => [element('dt', {}, term), element('dd', {}, value)]));
 }
 
+function hasWebGl() {
+  return document.createElement('canvas').getContext('webgl2') !== null;
+}
+
 class SceneCard {
   constructor(data) {
     this.data = data;
@@ -35,9 +39,9 @@ class SceneCard {
 
   // After the card is in the page: the view needs its size.
   start() {
-    try {
+    if (hasWebGl()) {
       this.view = new SceneView(this.canvas, (picked) => this.select(picked));
-    } catch {
+    } else {
       replaceChildren(this.canvas.parentElement, element('p', {class: 'notice'},
         'This browser has no WebGL, which the 3D view needs. All else on this ' +
         'page works without.'));

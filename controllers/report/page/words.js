@@ -125,11 +125,12 @@ function count(number, noun, plural = noun + 's') {
   return `${number.toLocaleString('en')} ${number === 1 ? noun : plural}`;
 }
 
-// With three significant digits; "-" for what is unknown.
+// A whole number as it is, another one with three significant digits; "-" for
+// what is unknown.
 function figure(value, unit = '') {
   if (typeof value !== 'number' || !Number.isFinite(value)) return '-';
   const size = Math.abs(value);
-  const digits = size === 0 || size >= 100 ? 0 :
+  const digits = Number.isInteger(value) || size >= 100 ? 0 :
     Math.min(6, 2 - Math.floor(Math.log10(size)));
   const text = value.toLocaleString('en', {
     minimumFractionDigits: digits, maximumFractionDigits: digits,
@@ -142,6 +143,8 @@ function percent(ratio) {
 }
 
 function seconds(value) {
+  if (value < 0.001) return '< 1 ms';
+  if (value < 1) return `${Math.round(1000 * value)} ms`;
   if (value < 120) return figure(value, 's');
   const minutes = Math.floor(value / 60);
   return minutes < 120 ?
