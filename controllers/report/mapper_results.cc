@@ -9,35 +9,68 @@
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
-#include <vector>
+#include <unordered_map>
+#include <utility>
 
 namespace dgsfm {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Checks what this layer reads itself; the page copes with the rest.
-void CheckEntries(const Json& report) {
-  for (const Json& image : report.at("images")) {
+// Indices of names in the order in which they appear.
+class NameIndices {
+ public:
+  explicit NameIndices(std::vector<std::string>* names) : names_(names) {}
+
+  uint32_t Of(const std::string& name) {
+    const auto [found, is_new] =
+        indices_.emplace(name, uint32_t(names_->size()));
+    if (is_new) names_->push_back(name);
+    return found->second;
+  }
+
+ private:
+  std::unordered_map<std::string, uint32_t> indices_;
+  std::vector<std::string>* names_;
+};
+
+// Reads report.json. Its pairs, of which there may be a million, are taken out
+// one by one while the file is read. Throws Json::exception.
+void ReadReport(std::istream& file, MapperResults* results) {
+  NameIndices images(&results->pair_image_names);
+  NameIndices statuses(&results->status_names);
+  std::string key;
+  const auto take_pair =
+      [&](int depth, Json::parse_event_t event, Json& parsed) {
+        if (depth == 1 && event == Json::parse_event_t::key) {
+          key = parsed.get<std::string>();
+        }
+        const bool is_pair = depth == 2 && key == "view_graph" &&
+                             event == Json::parse_event_t::object_end;
+        if (is_pair) {
+          results->pairs.push_back({images.Of(parsed.at("image1")),
+                                    images.Of(parsed.at("image2")),
+                                    statuses.Of(parsed.at("status")),
+                                    parsed.at("num_matches"),
+                                    parsed.at("num_inliers")});
+        }
+        return !is_pair;
+      };
+  results->report = Json::parse(file, take_pair);
+  results->images = results->report.at("images");
+  for (const Json& image : results->images) {
     image.at("name").get_ref<const std::string&>();
   }
-  for (const Json& pair : report.at("view_graph")) {
-    for (const char* key : {"image1", "image2", "status"}) {
-      pair.at(key).get_ref<const std::string&>();
-    }
-    for (const char* key : {"num_matches", "num_inliers"}) {
-      pair.at(key).get<uint32_t>();
-    }
-  }
+  results->report.at("view_graph");
+  results->report.erase("images");
+  results->report.erase("view_graph");
 }
 
-Json ReadReport(const std::string& path) {
+void ReadReport(const std::string& path, MapperResults* results) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw std::runtime_error("cannot read " + path);
   try {
-    Json report = Json::parse(file);
-    CheckEntries(report);
-    return report;
+    ReadReport(file, results);
   } catch (const Json::exception& error) {
     throw std::runtime_error(
         path + " is no report of depth_global_mapper: " + error.what());
@@ -87,13 +120,7 @@ Json ReadOptions(const std::string& path) {
 MapperResults ReadMapperResults(const std::string& report_path,
                                 const std::string& project_path) {
   MapperResults results;
-  if (!report_path.empty()) {
-    results.report = ReadReport(report_path);
-    results.images = std::move(results.report["images"]);
-    results.pairs = std::move(results.report["view_graph"]);
-    results.report.erase("images");
-    results.report.erase("view_graph");
-  }
+  if (!report_path.empty()) ReadReport(report_path, &results);
   if (!project_path.empty()) results.options = ReadOptions(project_path);
   return results;
 }
@@ -104,25 +131,18 @@ std::string PrintableName(const std::string& name) {
 
 Json PairArrays(const MapperResults& results,
                 const std::map<std::string, uint32_t>& image_indices) {
-  std::vector<std::string> names;
   std::vector<uint32_t> images, num_matches, num_inliers;
   std::vector<uint8_t> statuses;
-  for (const Json& pair : results.pairs) {
-    const std::string& status = pair.at("status").get_ref<const std::string&>();
-    auto found = std::find(names.begin(), names.end(), status);
-    if (found == names.end()) found = names.insert(names.end(), status);
-    const auto image1 = image_indices.find(pair.at("image1"));
-    const auto image2 = image_indices.find(pair.at("image2"));
-    if (image1 == image_indices.end() || image2 == image_indices.end())
-      continue;
-    images.push_back(image1->second);
-    images.push_back(image2->second);
-    statuses.push_back(uint8_t(found - names.begin()));
-    num_matches.push_back(pair.at("num_matches"));
-    num_inliers.push_back(pair.at("num_inliers"));
+  for (const MapperResults::Pair& pair : results.pairs) {
+    for (const uint32_t image : {pair.image1, pair.image2}) {
+      images.push_back(image_indices.at(results.pair_image_names[image]));
+    }
+    statuses.push_back(uint8_t(pair.status));
+    num_matches.push_back(pair.num_matches);
+    num_inliers.push_back(pair.num_inliers);
   }
   return {{"count", statuses.size()},
-          {"status_names", names},
+          {"status_names", results.status_names},
           {"images", ToBase64(images)},
           {"statuses", ToBase64(statuses)},
           {"num_matches", ToBase64(num_matches)},

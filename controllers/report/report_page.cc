@@ -151,6 +151,7 @@ Json ReportPageData(const ReportPageInput& input) {
   for (const Json& image : results.images) {
     names[image.at("name")] = image.at("name");
   }
+  for (const std::string& name : results.pair_image_names) names[name] = name;
   std::vector<ModelSummary> models;
   for (const std::string& folder : folders) {
     models.push_back(SummarizeModel(

@@ -2,7 +2,8 @@
 // their names, in the colour of its status. Of more images than pixels, cells
 // join several.
 
-const MAX_MATRIX_SIZE = 800;
+const MAX_MATRIX_SIZE = 1024;
+const MATRIX_WIDTH = 460;
 
 class PairMatrix {
   constructor(data) {
@@ -12,13 +13,16 @@ class PairMatrix {
     this.size = Math.ceil(numImages / this.imagesPerCell);
     this.cells = this.fillCells();
     this.at = [0, 0];
-    // Pixels of a cell are whole ones.
-    this.scale = Math.max(1, Math.floor(MAX_MATRIX_SIZE / this.size));
+    // Pixels of a cell are whole ones, on the screen too.
+    this.scale = Math.max(1,
+      Math.floor(MATRIX_WIDTH * devicePixelRatio / this.size));
+    const width = Math.min(MATRIX_WIDTH, this.scale * this.size / devicePixelRatio);
     this.canvas = element('canvas', {
       id: 'matrix', class: 'matrix', tabindex: 0, role: 'application',
       'aria-label': 'View graph as a matrix of images by images',
       'aria-describedby': 'matrix-help',
       width: this.scale * this.size, height: this.scale * this.size,
+      style: `width: ${width}px`,
       onpointermove: (event) => this.onPointer(event),
       onkeydown: (event) => this.onKey(event),
     });

@@ -34,6 +34,12 @@ function unitTile(models) {
     `${figure(spread)} %` : unit.meaning);
 }
 
+function repeatabilityTile(report) {
+  const measured = report && report.repeatability;
+  return measured ? tile('Repeatability', figure(measured.median_rotation_deg, '°'),
+    'median rotation between two halves of the points') : null;
+}
+
 function timeTile(report) {
   const stages = report && report.stages || [];
   if (stages.length === 0) return null;
@@ -60,6 +66,7 @@ function summarySection(data) {
         figure(models[0].median_error_px, 'px'),
         models.length > 1 ? 'of the largest model' : 'over all observations'),
       unitTile(models),
+      repeatabilityTile(report),
       timeTile(report)));
 }
 
@@ -142,6 +149,18 @@ function imagesSection(data, sceneCard) {
 
 // ----- View graph
 
+const DEGENERACIES = {
+  planar: 'see one plane only', rotation_only: 'show a rotation only',
+  stationary: 'do not move', weak_focal1: 'leave the first focal length open',
+  weak_focal2: 'leave the second focal length open',
+};
+
+function degeneracyNote(report) {
+  const found = Object.entries(report && report.degenerate_valid_pairs || {});
+  return found.length > 0 && help('Of the valid pairs ' + found.map(([name, number]) =>
+    `${plainNumber(number)} ${DEGENERACIES[name] || spaced(name)}`).join(', ') + '.');
+}
+
 function viewGraphSection(data) {
   if (data.pairs.count === 0) return null;
   const matrix = new PairMatrix(data);
@@ -158,7 +177,8 @@ function viewGraphSection(data) {
         `; a cell joins ${matrix.imagesPerCell} images and shows their best pair` :
         '') + '. Empty cells had no matches.'),
     element('div', {class: 'matrix-layout'},
-      element('div', {}, matrix.canvas, matrix.readout), table));
+      element('div', {}, matrix.canvas, matrix.readout),
+      element('div', {}, table, degeneracyNote(data.report))));
 }
 
 // ----- Cameras

@@ -109,7 +109,7 @@ TEST_F(ReportPageTest, CopesWithoutReportAndWithoutModel) {
   EXPECT_TRUE(ReportPageData(input)["report"].is_null());
   input = input_;
   input.model_folders.clear();
-  EXPECT_EQ(ReportPageData(input)["images"].size(), 2);
+  EXPECT_EQ(ReportPageData(input)["images"].size(), 3);
 }
 
 TEST_F(ReportPageTest, RefusesWhatIsNoReport) {
