@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 
 namespace dgsfm {
 namespace {
@@ -20,7 +21,7 @@ using Json = nlohmann::ordered_json;
 // A model with this much turns fluidly on a computer without a graphics card,
 // and has half of the 25 MB of a page.
 constexpr size_t kMaxNumPoints = 200000;
-constexpr size_t kMaxNumViews = 1200000;
+constexpr size_t kMaxNumViews = 1800000;
 constexpr size_t kMaxThumbnailBytes = 5000000;
 
 // All names of images of models and report, in the order of their names, with
@@ -62,12 +63,21 @@ Json PointEntries(const ModelSummary& model,
       view_positions.push_back(view.y);
     }
   }
-  return {{"count", model.shown_points.size()},
-          {"positions", ToBase64(positions)},
-          {"colors", ToBase64(colors)},
-          {"track_lengths", ToBase64(track_lengths)},
-          {"view_images", ToBase64(images)},
-          {"view_positions", ToBase64(view_positions)}};
+  // Most data of a page are these.
+  const bool is_short =
+      std::all_of(images.begin(), images.end(), [](uint32_t image) {
+        return image <= std::numeric_limits<uint16_t>::max();
+      });
+  return {
+      {"count", model.shown_points.size()},
+      {"positions", ToBase64(positions)},
+      {"colors", ToBase64(colors)},
+      {"track_lengths", ToBase64(track_lengths)},
+      {"view_image_bytes", is_short ? 2 : 4},
+      {"view_images",
+       is_short ? ToBase64(std::vector<uint16_t>(images.begin(), images.end()))
+                : ToBase64(images)},
+      {"view_positions", ToBase64(view_positions)}};
 }
 
 Json CameraEntries(const ModelSummary& model) {

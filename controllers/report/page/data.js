@@ -19,7 +19,8 @@ function decodePoints(points) {
     positions: decode(points.positions, Float32Array),
     colors: decode(points.colors, Uint8Array),
     starts,
-    viewImages: decode(points.view_images, Uint32Array),
+    viewImages: decode(points.view_images,
+      points.view_image_bytes === 2 ? Uint16Array : Uint32Array),
     viewPositions: decode(points.view_positions, Uint8Array),
   };
 }

@@ -35,8 +35,11 @@ function fillPage() {
       'The model has no report.json of depth_global_mapper beside it: pairs, ' +
       'missing images, stages and options are not known.';
   }
-  if (sceneCard) sceneCard.start();
-  document.documentElement.setAttribute('data-ready', 'true');
+  // The page is there before the 3D view, whose start may take a moment.
+  requestAnimationFrame(() => setTimeout(() => {
+    if (sceneCard) sceneCard.start();
+    document.documentElement.setAttribute('data-ready', 'true');
+  }));
   return {data, sceneCard};
 }
 

@@ -14,10 +14,10 @@ function lineGeometry(ends) {
 
 class SceneView {
   // `onPick` gets {image} or {point}, an index of the shown points, or null.
-  constructor(canvas, onPick) {
+  constructor(canvas, context, onPick) {
     this.canvas = canvas;
     this.onPick = onPick;
-    this.renderer = new THREE.WebGLRenderer({canvas, antialias: true});
+    this.renderer = new THREE.WebGLRenderer({canvas, context});
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
     this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
     this.camera = new THREE.PerspectiveCamera(45, 1, 0.01, 1000);

@@ -9,10 +9,6 @@ function factList(facts) {
     .map(([term, value]) => [element('dt', {}, term), element('dd', {}, value)]));
 }
 
-function hasWebGl() {
-  return document.createElement('canvas').getContext('webgl2') !== null;
-}
-
 class SceneCard {
   constructor(data) {
     this.data = data;
@@ -39,8 +35,10 @@ class SceneCard {
 
   // After the card is in the page: the view needs its size.
   start() {
-    if (hasWebGl()) {
-      this.view = new SceneView(this.canvas, (picked) => this.select(picked));
+    const context = this.canvas.getContext('webgl2', {antialias: true});
+    if (context) {
+      this.view = new SceneView(this.canvas, context,
+        (picked) => this.select(picked));
     } else {
       replaceChildren(this.canvas.parentElement, element('p', {class: 'notice'},
         'This browser has no WebGL, which the 3D view needs. All else on this ' +

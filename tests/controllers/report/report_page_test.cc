@@ -77,6 +77,9 @@ TEST_F(ReportPageTest, JoinsModelAndReport) {
   EXPECT_EQ(first["num_points"], 2);
   EXPECT_EQ(data["models"][0]["num_points"], 3);
   EXPECT_EQ(data["models"][0]["points"]["count"], 3);
+  // Point i is seen by images i and i + 1, which are 1, 2 and 3 of the page.
+  EXPECT_EQ(data["models"][0]["points"]["view_image_bytes"], 2);
+  EXPECT_EQ(data["models"][0]["points"]["view_images"], "AQACAAIAAwABAAMA");
   EXPECT_EQ(data["models"][0]["cameras"]["1"]["params"][0], 500);
   EXPECT_EQ(data["report"]["stages"][0]["stage"], "load_scene");
   EXPECT_FALSE(data["report"].contains("view_graph"));
