@@ -12,6 +12,7 @@
 #include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
+#include "controllers/report/report_page.h"
 
 #include <filesystem>
 #include <iostream>
@@ -29,6 +30,7 @@ namespace fs = std::filesystem;
 
 constexpr char kProjectFile[] = "project.ini";
 constexpr char kReportFile[] = "report.json";
+constexpr char kPageFile[] = "report.html";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   size_t num_missing = 0;
@@ -145,7 +147,8 @@ GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
 GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
-  RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
+  RunFolder folder(options_.output_path,
+                   {kProjectFile, kReportFile, kPageFile});
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
@@ -182,6 +185,9 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   StageModels(folder, &result);
   WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
+  if (options_.WritesHtmlReport()) {
+    StageReportPage(folder, result.models.size());
+  }
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
@@ -242,6 +248,25 @@ void GlobalDepthMapper::StageModels(const RunFolder& folder,
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);
+}
+
+// Nor is a page that cannot be written a reason to lose the models.
+void GlobalDepthMapper::StageReportPage(const RunFolder& folder,
+                                        size_t num_models) const {
+  ReportPageInput input;
+  input.title = FolderName(options_.output_path);
+  for (size_t i = 0; i < num_models; ++i) {
+    input.model_folders.push_back(folder.StagedModel(i));
+  }
+  input.report_path = folder.StagedFile(kReportFile);
+  input.project_path = folder.StagedFile(kProjectFile);
+  input.image_path = options_.image_path;
+  input.num_threads = options_.mapper.num_threads;
+  try {
+    WriteReportPage(input, folder.StagedFile(kPageFile));
+  } catch (const std::exception& error) {
+    LOG(WARNING) << "There is no " << kPageFile << ": " << error.what();
+  }
 }
 
 // The models are what the user waits for: a database that cannot be written is

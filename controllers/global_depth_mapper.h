@@ -38,8 +38,8 @@ class GlobalDepthMapper {
  public:
   explicit GlobalDepthMapper(const GlobalDepthMapperOptions& options);
 
-  // Writes models and report. Where no model came out of it, the report has the
-  // reason. Throws std::runtime_error on unusable input.
+  // Writes models, report and its page. Where no model came out of it, the report
+  // has the reason. Throws std::runtime_error on unusable input.
   GlobalDepthMapperSummary Run();
 
  private:
@@ -49,6 +49,8 @@ class GlobalDepthMapper {
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages) const;
   void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
+  // The page for the models and the report that were staged.
+  void StageReportPage(const RunFolder& folder, size_t num_models) const;
   void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;

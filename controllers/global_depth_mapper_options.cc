@@ -209,6 +209,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->write_pair_statuses,
                        "whether the database gets the status of each pair, in "
                        "its table dgsfm_pair_statuses");
+  command_options->Add("write_html_report",
+                       &options->write_html_report,
+                       "whether report.html is written, to look at in a "
+                       "browser: 1, 0, or -1 = if image_path is given");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
   BindMapper(&options->mapper, command_options);

@@ -17,6 +17,7 @@ int RunDepthGeometricVerifier(int argc, char** argv);
 int RunDepthGlobalMapper(int argc, char** argv);
 int RunModelEvaluator(int argc, char** argv);
 int RunModelRenderer(int argc, char** argv);
+int RunModelReporter(int argc, char** argv);
 int RunDepthSceneSynthesizer(int argc, char** argv);
 int RunCommandDocuments(int argc, char** argv);
 
