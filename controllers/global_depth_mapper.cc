@@ -261,7 +261,7 @@ void GlobalDepthMapper::StageReportPage(const RunFolder& folder,
   input.report_path = folder.StagedFile(kReportFile);
   input.project_path = folder.StagedFile(kProjectFile);
   input.image_path = options_.image_path;
-  input.num_threads = options_.mapper.num_threads;
+  input.num_threads = options_.verifier.verification.num_threads;
   try {
     WriteReportPage(input, folder.StagedFile(kPageFile));
   } catch (const std::exception& error) {

@@ -3,7 +3,7 @@
 function navigation(sections) {
   return element('ul', {}, sections.map((section) => element('li', {},
     element('a', {href: '#' + section.id},
-      section.querySelector('h2').textContent))));
+      section.querySelector('h2').textContent.split(',')[0]))));
 }
 
 function fillPage() {

@@ -29,7 +29,11 @@ class SceneCard {
       },
     });
     this.body = element('div', {class: 'scene-layout'},
-      element('div', {class: 'scene-frame'}, this.canvas),
+      element('div', {}, element('div', {class: 'scene-frame'}, this.canvas),
+        element('p', {class: 'help', id: 'scene-help'},
+          'Drag to turn, right-drag to move, wheel to zoom after a click. Click ' +
+          'a camera or a point. Keys: arrows turn, with Shift they move, + and ' +
+          '- zoom, N and P step through images, 0 resets.')),
       element('div', {class: 'scene-side'}, this.controls(), this.details));
   }
 
@@ -71,10 +75,6 @@ class SceneCard {
         }, models.map((model, i) => element('option', {value: i},
           `${model.name}: ${count(model.num_images, 'image')}`)))),
       element('label', {}, 'Image ', this.imageChoice),
-      element('p', {class: 'help', id: 'scene-help'},
-        'Drag to turn, right-drag to move, wheel to zoom after a click. Click a ' +
-        'camera or a point. Keys: arrows turn, with Shift they move, + and - ' +
-        'zoom, N and P step through images, 0 resets.'),
       pairs.count > 0 && element('fieldset', {class: 'pair-choice'},
         element('legend', {}, 'Pairs as lines'),
         pairs.counts.map(({index, name, number}) => element('label', {
