@@ -51,6 +51,7 @@ def map_photos(photos, output, match, depth=None):
     output.mkdir(parents=True, exist_ok=True)
     database_path = output / "database.db"
     if not database_path.exists():
+        pycolmap.Database.open(database_path).close()  # Creates it.
         pycolmap.import_images(database_path, photos)
     with pycolmap.Database.open(database_path) as database:
         names = sorted(image.name for image in database.read_all_images())

@@ -33,6 +33,7 @@ def read_matches(file, pairs):
 
 def create_database(database_path, photos, features_path, matches_path):
     """A database with hloc's key points and matches."""
+    pycolmap.Database.open(database_path).close()  # Creates it.
     pycolmap.import_images(database_path, photos)
     with pycolmap.Database.open(database_path) as database:
         ids = {image.name: image.image_id for image in database.read_all_images()}

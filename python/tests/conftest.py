@@ -51,8 +51,8 @@ def photos(tmp_path_factory):
     """Folder with a few small images, their depth maps and their truth."""
     folder = tmp_path_factory.mktemp("photos") / "scene"
     synthesize(
-        folder, "--num_images", 8, "--width", 400, "--height", 300,
-        "--focal_length", 350,
+        folder, "--family", "facade", "--num_images", 8, "--width", 480,
+        "--height", 360, "--focal_length", 420,
     )  # fmt: skip
     return folder
 
