@@ -12,26 +12,6 @@ import tempfile
 from mkdocs.structure.files import File
 
 
-def without(nav, pages):
-    """The navigation without these pages."""
-    if isinstance(nav, list):
-        kept = [without(entry, pages) for entry in nav]
-        return [entry for entry in kept if entry]
-    if isinstance(nav, dict):
-        kept = {title: without(entry, pages) for title, entry in nav.items()}
-        return {title: entry for title, entry in kept.items() if entry}
-    return None if nav in pages else nav
-
-
-def on_config(config):
-    docs = pathlib.Path(config["docs_dir"])
-    missing = {
-        page for page in config["extra"]["optional_pages"] if not (docs / page).exists()
-    }
-    config["nav"] = without(config["nav"], missing)
-    return config
-
-
 def on_files(files, config):
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(
