@@ -38,8 +38,8 @@ class GlobalDepthMapper {
  public:
   explicit GlobalDepthMapper(const GlobalDepthMapperOptions& options);
 
-  // Writes models, report and its page. Where no model came out of it, the report
-  // has the reason. Throws std::runtime_error on unusable input.
+  // Writes models, report and its page. Where no model came out of it, the
+  // report has the reason. Throws std::runtime_error on unusable input.
   GlobalDepthMapperSummary Run();
 
  private:
