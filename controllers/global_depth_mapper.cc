@@ -11,14 +11,16 @@
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
 #include "controllers/mapper_report.h"
+#include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
+#include "controllers/report/report_page.h"
 #include "sfm/mapping/rig_model.h"
 
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include <glog/logging.h>
@@ -31,6 +33,7 @@ namespace fs = std::filesystem;
 
 constexpr char kProjectFile[] = "project.ini";
 constexpr char kReportFile[] = "report.json";
+constexpr char kPageFile[] = "report.html";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   size_t num_missing = 0;
@@ -127,36 +130,40 @@ std::string PairName(const Scene& scene, colmap::image_pair_t pair_id) {
          scene.images.at(image_id2).Name();
 }
 
-std::string UnitText(const MeasuredUnit& measured) {
-  const auto spread_percent =
-      std::lround(100 * std::expm1(measured.log_spread));
-  const std::string maps = std::to_string(measured.num_images) +
-                           " depth maps, whose scales differ by " +
-                           std::to_string(spread_percent) + " %";
-  switch (measured.unit) {
-    case ModelUnit::ARBITRARY:
-      return "unit arbitrary";
-    case ModelUnit::DEPTH_MAPS:
-      return "unit unknown: that of " + maps;
-    case ModelUnit::RIGS:
-      return "unit that of the rigs' baselines";
-    case ModelUnit::METRES:
-      break;
+GlobalDepthMapperSummary Summarize(const Scene& scene,
+                                   const DepthGlobalMapperResult& result,
+                                   const std::string& output_path) {
+  GlobalDepthMapperSummary summary;
+  summary.output_path = output_path;
+  summary.text = MapperSummary(scene, result, output_path);
+  for (size_t i = 0; i < result.models.size(); ++i) {
+    summary.models.push_back(
+        {(fs::path(output_path) / std::to_string(i)).string(),
+         result.models[i]->NumRegImages(),
+         result.units[i]});
   }
-  return "unit metres, by " + maps;
+  for (const auto& [image_id, reason] : result.unregistered_images) {
+    summary.unregistered_images.emplace_back(scene.images.at(image_id).Name(),
+                                             reason);
+  }
+  return summary;
 }
 
 }  // namespace
 
-GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
-    : options_(options) {
-  options_.mapper.num_threads = options_.verifier.verification.num_threads;
+std::string GlobalDepthMapperSummary::FailureText() const {
+  return "no model could be reconstructed, see " +
+         (fs::path(output_path) / kReportFile).string();
 }
 
-bool GlobalDepthMapper::Run() {
+GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
+    : options_(options) {}
+
+GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
-  RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
+  RunFolder folder(options_.output_path,
+                   {kProjectFile, kReportFile, kPageFile});
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
@@ -193,25 +200,13 @@ bool GlobalDepthMapper::Run() {
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   StageModels(folder, scene.rigs, &result);
   WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
+  if (options_.WritesHtmlReport()) {
+    StageReportPage(folder, result.models.size());
+  }
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
-  size_t num_registered = 0;
-  for (const auto& model : result.models) {
-    num_registered += model->NumRegImages();
-  }
-  std::cout << "registered " << num_registered << " of " << scene.images.size()
-            << " images in " << result.models.size() << " models in "
-            << options_.output_path << std::endl;
-  for (size_t i = 0; i < result.models.size(); ++i) {
-    std::cout << "model " << i << ": " << result.models[i]->NumRegImages()
-              << " images, " << UnitText(result.units[i]) << std::endl;
-  }
-  for (const auto& [image_id, reason] : result.unregistered_images) {
-    std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "
-              << reason << std::endl;
-  }
-  return !result.models.empty();
+  return Summarize(scene, result, options_.output_path);
 }
 
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
@@ -234,16 +229,12 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);
   }
-  if (!fingerprints.empty()) {
-    LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
-              << options.database_path;
-    if (!comparison.work.empty()) {
-      LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
-                   << PairName(scene, comparison.work.front().pair_id)
-                   << ", are not verified yet, or of other matches, depths or "
-                      "options, or by another version of this program: they "
-                      "are verified now";
-    }
+  if (!fingerprints.empty() && !comparison.work.empty()) {
+    LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
+                 << PairName(scene, comparison.work.front().pair_id)
+                 << ", are not verified yet, or of other matches, depths or "
+                    "options, or by another version of this program: they "
+                    "are verified now";
   }
   verifier.Verify(comparison.work,
                   [&](colmap::image_pair_t pair_id, PairGeometry pair) {
@@ -266,7 +257,7 @@ void GlobalDepthMapper::StageModels(const RunFolder& folder,
   for (size_t i = 0; i < result->models.size(); ++i) {
     if (!options_.image_path.empty()) {
       ExtractPointColors(options_.image_path,
-                         options_.mapper.num_threads,
+                         options_.verifier.verification.num_threads,
                          result->models[i].get());
     }
     const colmap::Reconstruction& model = *result->models[i];
@@ -279,6 +270,25 @@ void GlobalDepthMapper::StageModels(const RunFolder& folder,
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);
+}
+
+// Nor is a page that cannot be written a reason to lose the models.
+void GlobalDepthMapper::StageReportPage(const RunFolder& folder,
+                                        size_t num_models) const {
+  ReportPageInput input;
+  input.title = FolderName(options_.output_path);
+  for (size_t i = 0; i < num_models; ++i) {
+    input.model_folders.push_back(folder.StagedModel(i));
+  }
+  input.report_path = folder.StagedFile(kReportFile);
+  input.project_path = folder.StagedFile(kProjectFile);
+  input.image_path = options_.image_path;
+  input.num_threads = options_.verifier.verification.num_threads;
+  try {
+    WriteReportPage(input, folder.StagedFile(kPageFile));
+  } catch (const std::exception& error) {
+    LOG(WARNING) << "There is no " << kPageFile << ": " << error.what();
+  }
 }
 
 // The models are what the user waits for: a database that cannot be written is
@@ -315,10 +325,10 @@ int RunDepthGlobalMapper(int argc, char** argv) {
       return *exit_code;
     }
   }
-  if (GlobalDepthMapper(options).Run()) return 0;
-  std::cerr << "ERROR: no model could be reconstructed, see "
-            << (fs::path(options.output_path) / kReportFile).string()
-            << std::endl;
+  const GlobalDepthMapperSummary summary = GlobalDepthMapper(options).Run();
+  std::cout << summary.text << std::flush;
+  if (!summary.models.empty()) return 0;
+  std::cerr << "ERROR: " << summary.FailureText() << std::endl;
   return 1;
 }
 

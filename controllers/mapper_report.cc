@@ -66,6 +66,7 @@ Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   return entries;
 }
 
+// Lists all images, so that a missing one can be found by its name.
 Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   Json entries;
   for (const auto& [image_id, image] : scene.images) {
@@ -140,6 +141,8 @@ void WriteMapperReport(const std::string& path,
   }
   report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result);
+  // The list of pairs is appended as text: as JSON in memory it would need
+  // many times its size.
   std::string text = JsonText(report, 2);
   text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
   WriteFile(

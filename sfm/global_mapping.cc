@@ -71,6 +71,7 @@ void MapComponents(const MappingContext& context,
   std::vector<ImageIds> components = ConnectedImages(*pairs, context.frames);
   if (!options.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
+    // A copy: parts that are cut off are appended below, which moves the list.
     const ImageIds image_ids = components[i];
     if (image_ids.size() < size_t(options.min_model_size)) {
       SetReason(image_ids,
@@ -166,19 +167,15 @@ void ExplainMissingImages(const Scene& scene,
 }  // namespace
 
 DepthGlobalMapperResult RunGlobalMapping(
-    const DepthGlobalMapperOptions& given_options,
-    const PairVerificationOptions& given_verification,
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
     const PairScores& pair_scores,
     Scene* scene,
     KeypointDepthMap* depths,
     PairGeometries* pairs) {
   std::string error;
-  DGSFM_CHECK(given_options.IsValid(&error)) << error;
-  DGSFM_CHECK(given_verification.IsValid(&error)) << error;
-  DepthGlobalMapperOptions options = given_options;
-  options.refinement.num_threads = options.num_threads;
-  PairVerificationOptions verification = given_verification;
-  verification.num_threads = options.num_threads;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(verification.IsValid(&error)) << error;
 
   DepthGlobalMapperResult result;
   MappingLog log;
@@ -193,11 +190,10 @@ DepthGlobalMapperResult RunGlobalMapping(
   const MappingContext context = {
       options, verification, *scene, *depths, frames, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
-  MeasureUnits(
-      *depths,
-      !options.refine_sensor_from_rig && HasBaseline(scene->rigs),
-      &result,
-      &log);
+  MeasureUnits(*depths,
+               !options.refine_sensor_from_rig && HasBaseline(scene->rigs),
+               &result,
+               &log);
   ExplainMissingImages(*scene, *pairs, &result);
   result.stages = std::move(log.stages);
   result.warnings = std::move(log.warnings);

@@ -35,8 +35,6 @@ struct DepthGlobalMapperOptions {
   // Whether the repeatability of the models is measured, see
   // SplitHalfRepeatability.
   bool measure_repeatability = false;
-  // Threads of all stages; -1 = all cores.
-  int num_threads = -1;
 
   // Ablation: leave single stages out.
   // The search for what moves before a background at rest, and the

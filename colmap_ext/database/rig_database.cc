@@ -83,7 +83,7 @@ class RigReader {
         connection_,
         "SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = ? "
         "ORDER BY rig_id");
-    select.BindInt(1, kCameraSensor);
+    select.Bind(kCameraSensor);
     while (select.Step()) {
       const auto rig_id = rig_t(select.Int(0));
       AddCamera(rig_id, select.Int(1), Rigid3d());
@@ -96,7 +96,7 @@ class RigReader {
         connection_,
         "SELECT rig_id, sensor_id, sensor_from_rig FROM rig_sensors "
         "WHERE sensor_type = ? ORDER BY rig_id, sensor_id");
-    select.BindInt(1, kCameraSensor);
+    select.Bind(kCameraSensor);
     while (select.Step()) {
       const auto rig_id = rig_t(select.Int(0));
       if (rigs_.rigs.count(rig_id) == 0) {
@@ -121,7 +121,7 @@ class RigReader {
         "SELECT frames.frame_id, rig_id, data_id, sensor_id FROM frames "
         "JOIN frame_data ON frames.frame_id = frame_data.frame_id "
         "WHERE sensor_type = ? ORDER BY frames.frame_id, data_id");
-    select.BindInt(1, kCameraSensor);
+    select.Bind(kCameraSensor);
     std::set<colmap::image_t> seen;
     while (select.Step()) {
       const auto frame_id = frame_t(select.Int(0));

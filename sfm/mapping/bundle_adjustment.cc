@@ -14,8 +14,6 @@
 #include <utility>
 #include <vector>
 
-#include <ceres/loss_function.h>
-#include <ceres/problem.h>
 #include <glog/logging.h>
 
 namespace dgsfm {
@@ -38,12 +36,10 @@ class ModelBundle {
  public:
   ModelBundle(const BundleAdjustmentOptions& options,
               const CameraBeliefs& beliefs,
-              const DepthPriors& depth_priors,
               const RigConstraints& rigs,
               colmap::Reconstruction* model)
       : options_(options),
         beliefs_(beliefs),
-        depth_priors_(depth_priors),
         rigs_(rigs),
         model_(model),
         point_ids_(SortedPoints(*model)) {
@@ -95,7 +91,7 @@ class ModelBundle {
                               ? 1
                               : EffectiveNumThreads(num_threads);
     const PointMinimizerSummary summary =
-        SolveBundle(options, options_.loss_scale_px, &camera_terms_, &bundle_);
+        SolveBundle(options, options_.loss_scale_px, &bundle_);
     if (!summary.success) return std::nullopt;
     VLOG(1) << "Bundle adjustment: " << summary.num_iterations
             << " iterations, cost " << summary.initial_cost << " to "
@@ -116,7 +112,6 @@ class ModelBundle {
     if (image.NumPoints3D() == 0) return;
     const int camera_index = IndexOfCamera(image.CameraId());
     num_observations_[camera_index] += image.NumPoints3D();
-    const size_t first_observation = bundle_.observations.size();
     for (const colmap::Point2D& point2D : image.Points2D()) {
       if (!point2D.HasPoint3D()) continue;
       bundle_.observations.push_back({int(image_ids_.size()),
@@ -129,9 +124,6 @@ class ModelBundle {
     bundle_image.camera = camera_index;
     const auto member = rigs_.frames.find(image_id);
     if (member != rigs_.frames.end()) JoinFrame(member->second, &bundle_image);
-    if (options_.use_depth && depth_priors_.Has(image_id)) {
-      AddDepths(image, first_observation, &bundle_image);
-    }
   }
 
   void JoinFrame(const FrameMember& member, BundleImage* image) {
@@ -152,33 +144,6 @@ class ModelBundle {
     image->frame = frame->second;
   }
 
-  // Adds the depths of an image to its observations, from the given one on.
-  void AddDepths(const colmap::Image& image,
-                 size_t observation,
-                 BundleImage* bundle_image) {
-    const double stddev = depth_priors_.stddevs.at(image.ImageId());
-    if (stddev > options_.max_depth_stddev) return;
-    const std::vector<float>& depths =
-        depth_priors_.depths->at(image.ImageId()).depths;
-    std::vector<double> log_ratios;
-    for (size_t i = 0; i < image.NumPoints2D(); ++i) {
-      if (!image.Point2D(i).HasPoint3D()) continue;
-      BundleObservation& added = bundle_.observations[observation++];
-      const double z =
-          (bundle_image->cam_from_world * bundle_.points[added.point]).z();
-      if (!(depths[i] > 0) || !(z > 0)) continue;
-      added.prior_depth = depths[i];
-      log_ratios.push_back(std::log(z / depths[i]));
-    }
-    if (log_ratios.empty()) return;
-    bundle_image->log_depth_scale = Median(log_ratios);
-    bundle_image->depth_stddev = stddev;
-    bundle_image->depth_weight_px =
-        options_.intrinsics.keypoint_stddev_px *
-        std::sqrt(
-            std::min(1.0, options_.max_num_depths / double(log_ratios.size())));
-  }
-
   // Cameras of a group have one index.
   int IndexOfCamera(colmap::camera_t camera_id) {
     const auto [it, is_new] =
@@ -187,6 +152,7 @@ class ModelBundle {
     const colmap::Camera& camera = model_->Camera(camera_id);
     BundleCamera bundle_camera = {camera.ModelId(), camera.Params(), {}};
     if (const CameraGroup* group = beliefs_.GroupOf(camera_id)) {
+      // Cameras of a group may start apart, by what the database has for each.
       bundle_camera.params = MeanParams(*group, *model_);
       for (const colmap::camera_t member : group->camera_ids) {
         camera_indices_[member] = it->second;
@@ -209,19 +175,15 @@ class ModelBundle {
     }
     if (camera.refined_params.empty()) return;
     const double unit_px = options_.intrinsics.keypoint_stddev_px;
+    const Eigen::VectorXd mean = PriorMean(beliefs_, camera_id);
     for (const RobustPrior& prior :
          SplitPriors(options_.intrinsics, beliefs_, camera_id)) {
-      Eigen::VectorXd weighted = Eigen::VectorXd::Zero(stddevs.size());
+      BundlePrior& term = bundle_.priors.emplace_back();
+      term.camera = int(index);
+      term.loss_scale_px = prior.loss_scale * unit_px;
       for (const Eigen::Index i : prior.idxs) {
-        weighted(i) = stddevs(i) / unit_px;
+        term.parameters.push_back({int(i), mean(i), stddevs(i) / unit_px});
       }
-      AddIntrinsicsPrior(PriorMean(beliefs_, camera_id),
-                         weighted,
-                         std::isfinite(prior.loss_scale)
-                             ? new ceres::CauchyLoss(prior.loss_scale * unit_px)
-                             : nullptr,
-                         camera.params.data(),
-                         &camera_terms_);
     }
   }
 
@@ -230,6 +192,18 @@ class ModelBundle {
       SetCamFromWorld(bundle_.images[i].cam_from_world,
                       &model_->Image(image_ids_[i]));
     }
+    WriteBackFrames();
+    for (const auto& [camera_id, index] : camera_indices_) {
+      if (!model_->ExistsCamera(camera_id)) continue;
+      model_->Camera(camera_id).SetParams(bundle_.cameras[index].params);
+    }
+    for (size_t i = 0; i < point_ids_.size(); ++i) {
+      model_->Point3D(point_ids_[i]).SetXYZ(bundle_.points[i]);
+    }
+  }
+
+  // Images of frames that see no point move with the others, too.
+  void WriteBackFrames() {
     for (const auto& [image_id, member] : rigs_.frames) {
       const auto frame = frames_.find(member.frame_id);
       const auto sensor = sensors_.find(member.camera_id);
@@ -242,18 +216,10 @@ class ModelBundle {
           cam_from_rig * bundle_.frames[frame->second].rig_from_world,
           &model_->Image(image_id));
     }
-    for (const auto& [camera_id, index] : camera_indices_) {
-      if (!model_->ExistsCamera(camera_id)) continue;
-      model_->Camera(camera_id).SetParams(bundle_.cameras[index].params);
-    }
-    for (size_t i = 0; i < point_ids_.size(); ++i) {
-      model_->Point3D(point_ids_[i]).SetXYZ(bundle_.points[i]);
-    }
   }
 
   const BundleAdjustmentOptions& options_;
   const CameraBeliefs& beliefs_;
-  const DepthPriors& depth_priors_;
   const RigConstraints& rigs_;
   colmap::Reconstruction* model_;
   // By their index in the bundle.
@@ -267,8 +233,6 @@ class ModelBundle {
   std::map<frame_t, int> frames_;
   std::map<colmap::camera_t, int> sensors_;
   Bundle bundle_;
-  // Terms of the `params` of the cameras of the bundle.
-  ceres::Problem camera_terms_;
 };
 
 }  // namespace
@@ -278,8 +242,6 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
       .AtLeast("max_num_iterations", max_num_iterations, 1)
       .AtLeast("function_tolerance", function_tolerance, 0)
       .Above("loss_scale_px", loss_scale_px, 0)
-      .Above("max_num_depths", max_num_depths, 0)
-      .Above("max_depth_stddev", max_depth_stddev, 0)
       .Valid(intrinsics)
       .AreKept();
 }
@@ -306,11 +268,10 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
-                                   const DepthPriors& depth_priors,
                                    colmap::Reconstruction* model,
                                    const RigConstraints& rigs) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  ModelBundle bundle(options, beliefs, depth_priors, rigs, model);
+  ModelBundle bundle(options, beliefs, rigs, model);
   bundle.FixGauge(fixed_image);
   return bundle.Solve(num_threads);
 }

@@ -3,7 +3,7 @@
 #include "colmap_ext/pose_access.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
-#include "sfm/mapping/model_building.h"
+#include "sfm/mapping/model_completion.h"
 #include "sfm/mapping/split_half.h"
 
 #include <algorithm>
@@ -13,9 +13,6 @@
 namespace dgsfm {
 
 namespace {
-
-// Depth maps are not better than this [log].
-constexpr double kMinDepthStddev = 0.01;
 
 // Why an image whose pairs give it a rotation has no position.
 std::string WhyNotPositioned(colmap::image_t image_id,
@@ -110,19 +107,13 @@ ModelInProgress StartModel(const MappingContext& context,
                       scales,
                       tracks,
                       context.options.position_initialization,
+                      context.options.refinement.min_triangulation_angle_deg,
                       &progress.model,
                       context.frames);
   timer.Add("tracks", double(tracks.size()))
       .Add("images", double(progress.model.NumRegImages()))
       .Add("points", double(progress.model.NumPoints3D()));
   timer.Finish(&log->stages);
-
-  progress.depth_priors.depths = &context.depths;
-  for (const auto& [image_id, scale] :
-       DepthScalesOfModel(context.depths, progress.model)) {
-    progress.depth_priors.stddevs[image_id] =
-        std::max(scale.log_spread, kMinDepthStddev);
-  }
   return progress;
 }
 
@@ -215,7 +206,10 @@ ComponentResult MapComponent(const MappingContext& context,
   const bool success = RefineModel(context, &progress, log) &&
                        CalibrateSensors(context, &progress, log);
   if (success) {
-    CompleteModel(context, &progress, pairs, log);
+    CalibrateCameras(context, &progress, log);
+    CompleteTracks(context, *pairs, &progress, log);
+    JudgePairs(context, model, pairs);
+    HoldImplausibleCameras(context, &progress, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);
     }

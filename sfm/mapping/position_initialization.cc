@@ -15,9 +15,6 @@ namespace dgsfm {
 
 namespace {
 
-// Smallest angle between two rays of a point triangulated for the start [deg]:
-// below it the position along the rays is noise.
-constexpr double kMinTriangulationAngleDeg = 1.5;
 // Tracks a resected centre must rest on; two determine it, the rest reveals
 // wrong ones.
 constexpr int kMinNumResectionTracks = 6;
@@ -44,6 +41,7 @@ class PositionInitializer {
                       const ImageScales& scales,
                       const std::vector<colmap::Track>& tracks,
                       const PositionInitializationOptions& options,
+                      double min_triangulation_angle_deg,
                       const FrameMembers& frames,
                       colmap::Reconstruction* reconstruction)
       : index_(index),
@@ -51,6 +49,7 @@ class PositionInitializer {
         scales_(options.use_depth ? scales : ImageScales()),
         tracks_(tracks),
         frames_(frames),
+        min_triangulation_angle_deg_(min_triangulation_angle_deg),
         reconstruction_(reconstruction),
         centers_(index.Size()),
         points_(tracks.size()),
@@ -130,6 +129,8 @@ class PositionInitializer {
       strength[edges.back().second] += weights.back();
     }
     if (edges.empty()) return false;
+    // Chains from the best connected image are short, and errors along them
+    // few.
     const int root = int(std::max_element(strength.begin(), strength.end()) -
                          strength.begin());
     const SpanningTree tree =
@@ -213,7 +214,7 @@ class PositionInitializer {
       points_[track] = ComponentwiseMedian(lifted);
     } else {
       points_[track] =
-          TriangulateRays(centers, rays, kMinTriangulationAngleDeg);
+          TriangulateRays(centers, rays, min_triangulation_angle_deg_);
     }
     if (!points_[track]) return;
     for (const Observation& observation : observations_[track]) {
@@ -221,6 +222,8 @@ class PositionInitializer {
     }
   }
 
+  // The image that sees most placed tracks goes first: its centre is the
+  // surest, and places tracks for the others. Each image has one try.
   void GrowByResection() {
     std::vector<char> is_tried(index_.Size(), 0);
     while (true) {
@@ -315,6 +318,8 @@ class PositionInitializer {
   const ImageScales scales_;
   const std::vector<colmap::Track>& tracks_;
   const FrameMembers& frames_;
+  // Below it the position of a point along its rays is noise.
+  const double min_triangulation_angle_deg_;
   colmap::Reconstruction* reconstruction_;
 
   std::vector<std::optional<Eigen::Vector3d>> centers_;
@@ -332,6 +337,7 @@ size_t InitializePositions(const ImageIndex& index,
                            const ImageScales& scales,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
+                           double min_triangulation_angle_deg,
                            colmap::Reconstruction* reconstruction,
                            const FrameMembers& frames) {
   return PositionInitializer(index,
@@ -340,6 +346,7 @@ size_t InitializePositions(const ImageIndex& index,
                              scales,
                              tracks,
                              options,
+                             min_triangulation_angle_deg,
                              frames,
                              reconstruction)
       .Run();

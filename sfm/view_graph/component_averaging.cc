@@ -191,9 +191,9 @@ std::optional<RotationAverage> FindBestAverage(
       const double cost = CostOf(*average, valid_pairs, missing);
       const int num_strong =
           KeepStrongOutliers(*average, valid_pairs, &factors);
-      LOG(INFO) << "Rotations that keep " << num_strong
-                << " more strong pairs cost " << cost << ", to win at most "
-                << best_cost;
+      VLOG(1) << "Rotations that keep " << num_strong
+              << " more strong pairs cost " << cost << ", to win at most "
+              << best_cost;
       if (cost < best_cost) {
         best_cost = cost;
         best = std::move(average);

@@ -67,6 +67,7 @@ TEST(PairScoreFile, ReadsEveryForm) {
   EXPECT_EQ(Read("a.txt", "a.jpg y/d.jpg 5e-1\na.jpg y/d.jpg 0.5"), plain);
   EXPECT_EQ(Read("a.csv", "\xef\xbb\xbfx/a.jpg,y/d.jpg,0.5\r\n"), plain);
   EXPECT_TRUE(Read("a.txt", "").empty());
+  EXPECT_EQ(Read("a.csv", "\"x/a.jpg\",y/d.jpg,.5"), plain);
   EXPECT_TRUE(Read("a.json", "{}").empty());
 }
 

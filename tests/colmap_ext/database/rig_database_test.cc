@@ -14,7 +14,8 @@ namespace {
 
 using testing::HasSubstr;
 
-// Two cameras, of which left/0.jpg, left/1.jpg and right/0.jpg, right/1.jpg are.
+// Two cameras, of which left/0.jpg, left/1.jpg and right/0.jpg, right/1.jpg
+// are.
 class RigDatabaseTest : public testing::TestWithParam<ColmapSchema> {
  protected:
   RigDatabaseTest()
@@ -47,11 +48,10 @@ class RigDatabaseTest : public testing::TestWithParam<ColmapSchema> {
 
   void ExpectFails(const std::string& words) {
     try {
-      ReadRigs(path_, ReadSceneWithoutFeatures(path_));
+      ReadRigs(path_, ReadScene(path_, SceneContent::IMAGES));
       ADD_FAILURE() << "read without an error";
     } catch (const std::runtime_error& error) {
       EXPECT_THAT(error.what(), HasSubstr(path_));
-      EXPECT_THAT(error.what(), HasSubstr("rig 1"));
       EXPECT_THAT(error.what(), HasSubstr(words));
     }
   }
@@ -62,7 +62,7 @@ class RigDatabaseTest : public testing::TestWithParam<ColmapSchema> {
 };
 
 TEST_P(RigDatabaseTest, ReadsRigsOfSeveralCameras) {
-  const Scene scene = ReadSceneWithoutFeatures(path_);
+  const Scene scene = ReadScene(path_, SceneContent::IMAGES);
   EXPECT_TRUE(ReadRigs(path_, scene).Empty());
   JoinCameras();
   const RigScene rigs = ReadRigs(path_, scene);
@@ -81,7 +81,7 @@ TEST_P(RigDatabaseTest, ReadsRigsOfSeveralCameras) {
 TEST_P(RigDatabaseTest, UnknownPosesConstrainNothing) {
   JoinCameras();
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = NULL");
-  const RigScene rigs = ReadRigs(path_, ReadSceneWithoutFeatures(path_));
+  const RigScene rigs = ReadRigs(path_, ReadScene(path_, SceneContent::IMAGES));
   EXPECT_EQ(CamerasToCalibrate(rigs, false), std::set<colmap::camera_t>{2});
   EXPECT_FALSE(HasBaseline(rigs));
   EXPECT_EQ(MembersOf(rigs).size(), 2);
@@ -92,29 +92,29 @@ TEST_P(RigDatabaseTest, IgnoresOtherSensors) {
   writer_.Execute(
       "UPDATE rig_sensors SET sensor_type = 1; "
       "DELETE FROM frame_data WHERE sensor_id = 2");
-  EXPECT_TRUE(ReadRigs(path_, ReadSceneWithoutFeatures(path_)).Empty());
+  EXPECT_TRUE(ReadRigs(path_, ReadScene(path_, SceneContent::IMAGES)).Empty());
 }
 
 TEST_P(RigDatabaseTest, NamesWhatIsWrong) {
   JoinCameras();
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = x'00'");
-  ExpectFails("not a multiple");
+  ExpectFails("column sensor_from_rig holds something other than a multiple");
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = zeroblob(56)");
-  ExpectFails("sensor_from_rig of camera 2 is no pose");
+  ExpectFails("rig 1: sensor_from_rig of camera 2 is no pose");
   writer_.Execute(
       "UPDATE rig_sensors SET sensor_id = 7, sensor_from_rig = NULL");
-  ExpectFails("camera 7 does not exist");
+  ExpectFails("rig 1: camera 7 does not exist");
   writer_.Execute(
       "UPDATE rig_sensors SET sensor_id = 2; "
       "UPDATE frame_data SET data_id = 9 WHERE data_id = 4");
-  ExpectFails("image 9: does not exist");
+  ExpectFails("rig 1: frame 2, image 9: does not exist");
   writer_.Execute(
       "UPDATE frame_data SET data_id = 4, sensor_id = 1 WHERE data_id = 9");
   ExpectFails("image 4: its camera is not one of the rig");
 }
 
 TEST_P(RigDatabaseTest, ReadsConfigurations) {
-  const Scene scene = ReadSceneWithoutFeatures(path_);
+  const Scene scene = ReadScene(path_, SceneContent::IMAGES);
   const std::string config = dir_ + "/rig_config.json";
   std::ofstream(config) << R"([{"cameras": [
       {"image_prefix": "left/", "ref_sensor": true},
@@ -149,9 +149,9 @@ INSTANTIATE_TEST_SUITE_P(Schemas,
                          RigDatabaseTest,
                          testing::Values(ColmapSchema::V3_12,
                                          ColmapSchema::V4_2),
-                         [](const auto& info) {
-                           return info.param == ColmapSchema::V3_12 ? "V3_12"
-                                                                    : "V4_2";
+                         [](const auto& schema) {
+                           return schema.param == ColmapSchema::V3_12 ? "V3_12"
+                                                                      : "V4_2";
                          });
 
 }  // namespace

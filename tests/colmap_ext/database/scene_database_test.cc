@@ -107,7 +107,7 @@ TEST_P(SceneDatabaseTest, ReadsCamerasImagesAndMatches) {
 
 TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
   Execute("UPDATE matches SET data = x'00'");  // cannot be read
-  const Scene scene = ReadSceneWithoutMatches(path_);
+  const Scene scene = ReadScene(path_, SceneContent::FEATURES);
   EXPECT_EQ(scene.cameras.size(), 2);
   ASSERT_EQ(scene.images.size(), 3);
   EXPECT_EQ(scene.images.at(1).NumPoints2D(), 3);
@@ -115,7 +115,7 @@ TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
 }
 
 TEST_P(SceneDatabaseTest, ReadsKeypointsOfSingleImages) {
-  const Scene scene = ReadSceneWithoutFeatures(path_);
+  const Scene scene = ReadScene(path_, SceneContent::IMAGES);
   EXPECT_EQ(scene.cameras.size(), 2);
   ASSERT_EQ(scene.images.size(), 3);
   EXPECT_EQ(scene.images.at(1).NumPoints2D(), 0);
@@ -374,16 +374,6 @@ TEST(SceneDatabase, ReportsTruncatedDatabase) {
   }
   fs::resize_file(path, fs::file_size(path) / 2);
   ExpectSceneFails(path, {"truncated"});
-}
-
-TEST(SceneDatabase, GivesUpOnLockedDatabase) {
-  const std::string path = CreateTestDir() + "/database.db";
-  ColmapDatabaseWriter writer(path, ColmapSchema::V4_2);
-  // In WAL mode, readers would not have to wait for the writer.
-  writer.Execute("PRAGMA journal_mode = DELETE; BEGIN EXCLUSIVE");
-  EXPECT_THAT([&] { ReadScene(path, std::chrono::milliseconds(20)); },
-              ThrowsMessage<std::runtime_error>(
-                  AllOf(HasSubstr(path), HasSubstr("locked"))));
 }
 
 TEST(SceneDatabase, ReadsSharedDataSet) {

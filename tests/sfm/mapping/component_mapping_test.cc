@@ -39,9 +39,8 @@ struct Mapped {
 
 Mapped MapInOrder(const TwoPlaces& places, const std::vector<int>& order) {
   DepthGlobalMapperOptions options;
-  options.num_threads = 1;
-  options.refinement.num_threads = 1;
-  const PairVerificationOptions verification;
+  PairVerificationOptions verification;
+  verification.num_threads = 1;
   const CameraBeliefs beliefs = GivenBeliefs(places.scene);
   const FrameMembers frames;
   const MappingContext context = {

@@ -3,6 +3,7 @@
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "sfm/mapping/model_access.h"
+#include "sfm/mapping/model_completion.h"
 
 #include <gtest/gtest.h>
 
