@@ -29,7 +29,7 @@ std::string Percent(double log_ratio) {
   return text;
 }
 
-// Of the points' mean errors; nothing without points.
+// Median of the points' mean errors; nothing without points.
 std::optional<double> MedianErrorPx(const colmap::Reconstruction& model) {
   std::vector<double> errors;
   for (const auto& [point_id, point] : model.Points3D()) {

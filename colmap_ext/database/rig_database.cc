@@ -24,7 +24,9 @@ std::optional<Rigid3d> PoseOf(const std::vector<double>& values) {
   if (values.size() != 7) return std::nullopt;
   const Eigen::Vector4d qvec(values[0], values[1], values[2], values[3]);
   const Eigen::Vector3d translation(values[4], values[5], values[6]);
-  if (!translation.allFinite() || !qvec.allFinite() || !(qvec.norm() > 0)) {
+  // Beyond these numbers overflow what is computed of them.
+  if (!(qvec.norm() > 1e-3) || !(qvec.norm() < 1e12) ||
+      !(translation.norm() < 1e12)) {
     return std::nullopt;
   }
   return Rigid3d(RotationFromQvec(qvec), translation);

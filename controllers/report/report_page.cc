@@ -28,7 +28,7 @@ constexpr size_t kMaxThumbnailBytes = 5000000;
 // the indices that the page has for them.
 using ImageIndices = std::map<std::string, uint32_t>;
 
-// Of many coordinates the middle one, so that 32 bits are exact enough.
+// The median of the coordinates, so that 32 bits are exact enough.
 Eigen::Vector3d MiddleOf(const ModelSummary& model) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3 && !model.images.empty(); ++axis) {

@@ -35,7 +35,7 @@ struct BundleSensor {
 };
 
 struct BundleImage {
-  // Of an image of a frame: what the poses of frame and sensor make of it.
+  // For an image of a frame, what the poses of frame and sensor make of it.
   Rigid3d cam_from_world;
   int camera = 0;
   // Its frame and its sensor; -1 if it moves by itself.

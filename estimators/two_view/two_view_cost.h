@@ -80,7 +80,7 @@ struct TwoViewCost {
   double Total() const { return epipolar + depth + prior; }
 };
 
-// Of the parameters of the model, then those of the depth fields.
+// The parameters of the model, then those of the depth fields.
 constexpr int kNumCostParams = kNumTwoViewParams + 2 * kNumDepthFieldTerms;
 
 struct NormalEquations {

@@ -146,7 +146,7 @@ TwoViewModel PoseInFront(const Eigen::Matrix3d& F,
                          double focal2,
                          const TwoViewData& data,
                          double max_error_px) {
-  // Of the four poses the others have the scene behind a camera.
+  // The other three poses have the scene behind a camera.
   const EssentialPoses poses = DecomposeEssentialMatrix(
       Eigen::Vector3d(focal2, focal2, 1).asDiagonal() * F *
       Eigen::Vector3d(focal1, focal1, 1).asDiagonal());

@@ -1,15 +1,14 @@
 #include "sfm/intrinsics/intrinsics_posterior.h"
 
 #include "colmap_ext/pose_access.h"
-#include "estimators/optimization/camera_projection.h"
 #include "estimators/optimization/point_elimination.h"
 #include "estimators/optimization/reduced_system.h"
+#include "sfm/intrinsics/posterior_columns.h"
 #include "sfm/mapping/model_access.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 #include <tuple>
 #include <utility>
 
@@ -17,7 +16,6 @@ namespace dgsfm {
 
 namespace {
 
-constexpr int kNumPoseParams = 6;
 // Information that every parameter has at least, relative to what it would have
 // with all others known: images that share no track have no common scale, which
 // must not hide what is known about all else.
@@ -47,43 +45,6 @@ Eigen::Matrix<double, kNumMonomials, 1> Monomials(
   return monomials;
 }
 
-// At most so many images of a model: from the one with the most points, always
-// the next that shares the most points with those chosen.
-std::set<colmap::image_t> ChooseImages(const colmap::Reconstruction& model,
-                                       size_t max_num_images) {
-  std::map<colmap::image_t, size_t> num_shared;
-  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
-    if (model.Image(image_id).NumPoints3D() > 0) num_shared[image_id] = 0;
-  }
-  std::set<colmap::image_t> chosen;
-  if (num_shared.size() <= max_num_images) {
-    for (const auto& [image_id, count] : num_shared) chosen.insert(image_id);
-    return chosen;
-  }
-  const auto priority = [&](const auto& entry) {
-    return std::make_pair(entry.second, model.Image(entry.first).NumPoints3D());
-  };
-  while (chosen.size() < max_num_images) {
-    const auto best = std::max_element(num_shared.begin(),
-                                       num_shared.end(),
-                                       [&](const auto& a, const auto& b) {
-                                         return priority(a) < priority(b);
-                                       });
-    const colmap::image_t image_id = best->first;
-    num_shared.erase(best);
-    chosen.insert(image_id);
-    for (const colmap::Point2D& point2D : model.Image(image_id).Points2D()) {
-      if (!point2D.HasPoint3D()) continue;
-      for (const colmap::TrackElement& element :
-           model.Point3D(point2D.Point3DId()).Track().Elements()) {
-        const auto it = num_shared.find(element.image_id);
-        if (it != num_shared.end()) ++it->second;
-      }
-    }
-  }
-  return chosen;
-}
-
 // The normal equations of poses, points and intrinsics at a model, and what
 // follows from them.
 class PosteriorProblem {
@@ -93,45 +54,34 @@ class PosteriorProblem {
                    const colmap::Reconstruction& model,
                    IntrinsicsBlocks blocks,
                    size_t max_num_images)
-      : options_(options), beliefs_(beliefs), model_(model), blocks_(blocks) {
-    for (const colmap::image_t image_id : ChooseImages(model, max_num_images)) {
-      const colmap::Image& image = model.Image(image_id);
-      image_ids_.push_back(image_id);
-      const auto [block, is_new] = intrinsics_.try_emplace(BlockOf(image));
-      if (is_new) AddIntrinsics(CameraIdOf(image), &block->second);
-      Columns& columns = columns_.emplace_back();
-      columns.fill(-1);
-      for (int i = 0; i < kNumPoseParams; ++i) columns[i] = num_columns_++;
-      std::copy(block->second.columns.begin(),
-                block->second.columns.end(),
-                columns.begin() + kNumPoseParams);
-    }
-    FixGauge();
+      : options_(options),
+        model_(model),
+        unknowns_(options.intrinsics, beliefs, model, blocks, max_num_images) {
     AddObservations();
   }
 
   std::optional<IntrinsicsPosterior> Solve() {
     const std::optional<double> unit_variance = UnitVariance();
     if (!unit_variance) return std::nullopt;
-    Elimination elimination(index_, columns_, /*num_threads=*/1);
+    Elimination elimination(index_, unknowns_.columns, /*num_threads=*/1);
     elimination.Rows() = std::move(rows_);
-    ReducedSystem system(num_columns_, elimination.Pattern());
+    ReducedSystem system(unknowns_.num_columns, elimination.Pattern());
     elimination.Attach(system);
-    Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(num_columns_);
+    Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(unknowns_.num_columns);
     Eigen::VectorXd gradient = diagonal;
     elimination.Accumulate(&diagonal, &gradient);
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(num_columns_);
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(unknowns_.num_columns);
     system.SetZero();
     elimination.Eliminate(kDamping, &system, &step);
     // The normal matrix has the weights, in units of this variance.
-    for (const Prior& prior : priors_) {
+    for (const PosteriorColumns::Prior& prior : unknowns_.priors) {
       const double information = *unit_variance / (prior.stddev * prior.stddev);
       diagonal(prior.column) += information;
       system.Values()[system.EntryOf(prior.column, prior.column)] +=
           information;
       step(prior.column) -= information * prior.deviation;
     }
-    for (int i = 0; i < num_columns_; ++i) {
+    for (int i = 0; i < unknowns_.num_columns; ++i) {
       // An image without observations leaves its pose open, no more.
       system.Values()[system.EntryOf(i, i)] +=
           kDamping * std::max(diagonal(i), 1.0);
@@ -141,22 +91,6 @@ class PosteriorProblem {
 
  private:
   using Elimination = PointElimination<2, kNumPoseParams + kMaxNumCameraParams>;
-  using Columns = Elimination::CameraColumns;
-
-  struct Prior {
-    int column = 0;
-    double stddev = 0;
-    // Deviation of the model's value from the mean.
-    double deviation = 0;
-  };
-
-  // Intrinsics that some images share.
-  struct Block {
-    // Their camera, of a group the first.
-    colmap::camera_t camera_id = colmap::kInvalidCameraId;
-    // By parameter; -1 where held.
-    std::vector<int> columns;
-  };
 
   struct Observation {
     int image = 0;
@@ -165,79 +99,21 @@ class PosteriorProblem {
     double weight = 1;
   };
 
-  colmap::camera_t CameraIdOf(const colmap::Image& image) const {
-    if (blocks_ == IntrinsicsBlocks::BY_IMAGE) return image.CameraId();
-    return beliefs_.FirstOfGroup(image.CameraId());
-  }
-
-  uint32_t BlockOf(const colmap::Image& image) const {
-    return blocks_ == IntrinsicsBlocks::BY_IMAGE ? image.ImageId()
-                                                 : CameraIdOf(image);
-  }
-
-  void AddIntrinsics(colmap::camera_t camera_id, Block* block) {
-    block->camera_id = camera_id;
-    const Eigen::VectorXd stddevs =
-        PriorStddevs(options_.intrinsics, beliefs_, camera_id);
-    const Eigen::VectorXd deviations =
-        Eigen::Map<const Eigen::VectorXd>(model_.Camera(camera_id).ParamsData(),
-                                          stddevs.size()) -
-        PriorMean(beliefs_, camera_id);
-    for (const double stddev : stddevs) {
-      block->columns.push_back(stddev == 0 ? -1 : num_columns_++);
-    }
-    for (const RobustPrior& prior :
-         SplitPriors(options_.intrinsics, beliefs_, camera_id)) {
-      // A Cauchy loss weakens the prior of values far off.
-      double squared_distance = 0;
-      for (const Eigen::Index i : prior.idxs) {
-        squared_distance += std::pow(deviations(i) / stddevs(i), 2);
-      }
-      const double loosening = std::sqrt(
-          1 + squared_distance / (prior.loss_scale * prior.loss_scale));
-      for (const Eigen::Index i : prior.idxs) {
-        priors_.push_back(
-            {block->columns[size_t(i)], stddevs(i) * loosening, deviations(i)});
-      }
-    }
-  }
-
-  // Holds the first pose, and the distance of the farthest image from it by the
-  // coordinate that a change of scale moves most.
-  void FixGauge() {
-    const auto pose_of = [&](size_t image) {
-      return CamFromWorld(model_.Image(image_ids_[image]));
-    };
-    const Eigen::Vector3d center = pose_of(0).TargetOriginInSource();
-    size_t farthest = 0;
-    double max_distance = 0;
-    for (size_t i = 0; i < image_ids_.size(); ++i) {
-      const double distance =
-          (pose_of(i).TargetOriginInSource() - center).norm();
-      if (distance <= max_distance) continue;
-      max_distance = distance;
-      farthest = i;
-    }
-    int coordinate = 0;
-    (pose_of(farthest) * center).cwiseAbs().maxCoeff(&coordinate);
-    columns_[farthest][3 + coordinate] = -1;
-    std::fill_n(columns_[0].begin(), kNumPoseParams, -1);
-  }
-
   // Those of the chosen images that the camera models can project, of points
   // with two or more.
   void AddObservations() {
-    index_.num_cameras = int(image_ids_.size());
+    index_.num_cameras = int(unknowns_.image_ids.size());
     for (const colmap::point3D_t point_id : SortedPoints(model_)) {
       std::vector<std::pair<Observation, Elimination::Row>> observations;
       for (const colmap::TrackElement& element :
            model_.Point3D(point_id).Track().Elements()) {
-        const auto image = std::lower_bound(
-            image_ids_.begin(), image_ids_.end(), element.image_id);
+        const auto image = std::lower_bound(unknowns_.image_ids.begin(),
+                                            unknowns_.image_ids.end(),
+                                            element.image_id);
         Observation observation;
         Elimination::Row row;
-        observation.image = int(image - image_ids_.begin());
-        if (image != image_ids_.end() && *image == element.image_id &&
+        observation.image = int(image - unknowns_.image_ids.begin());
+        if (image != unknowns_.image_ids.end() && *image == element.image_id &&
             Linearize(element, &observation, &row)) {
           observations.emplace_back(observation, row);
         }
@@ -309,7 +185,8 @@ class PosteriorProblem {
       sum_squared_influences += weight * rows_[k].residual.squaredNorm();
     }
     const double count = double(observations_.size());
-    const double redundancy = 2 * count - num_columns_ - 3. * index_.num_points;
+    const double redundancy =
+        2 * count - unknowns_.num_columns - 3. * index_.num_points;
     if (!(redundancy > 0) || sum_squared_influences == 0) return std::nullopt;
     const double mean_slope = sum_slopes / count;
     return sum_weights / count * sum_squared_influences / redundancy /
@@ -326,7 +203,7 @@ class PosteriorProblem {
     std::vector<Eigen::Index> rows;
     std::vector<int> free_columns;
     std::vector<double> values;
-    for (const auto& [block_id, block] : intrinsics_) {
+    for (const auto& [block_id, block] : unknowns_.blocks) {
       posterior.first_params[block_id] = Eigen::Index(values.size());
       const colmap::Camera& camera = model_.Camera(block.camera_id);
       for (size_t i = 0; i < block.columns.size(); ++i) {
@@ -340,7 +217,7 @@ class PosteriorProblem {
     const auto count = Eigen::Index(rows.size());
     // The last column becomes the step, the others those of the inverse.
     Eigen::MatrixXd right_sides =
-        Eigen::MatrixXd::Zero(num_columns_, count + 1);
+        Eigen::MatrixXd::Zero(unknowns_.num_columns, count + 1);
     for (Eigen::Index i = 0; i < count; ++i) {
       right_sides(free_columns[i], i) = 1;
     }
@@ -384,7 +261,8 @@ class PosteriorProblem {
       const Elimination::Row& row = elimination.Rows()[k];
       Eigen::MatrixX2d& influence =
           influences.emplace_back(Eigen::MatrixX2d::Zero(inverse.cols(), 2));
-      const Columns& columns = columns_[observations_[k].image];
+      const Elimination::CameraColumns& columns =
+          unknowns_.columns[observations_[k].image];
       for (size_t i = 0; i < columns.size(); ++i) {
         if (columns[i] < 0) continue;
         influence.noalias() += inverse.row(columns[i]).transpose() *
@@ -449,7 +327,8 @@ class PosteriorProblem {
           kSmoothErrorRatio * LargerSide(CameraOf(image)) * shift;
       covariance.noalias() += scaled * scaled.transpose();
       common_shifts
-          .try_emplace(BlockOf(model_.Image(image_ids_[size_t(image)])),
+          .try_emplace(unknowns_.BlockOf(
+                           model_.Image(unknowns_.image_ids[size_t(image)])),
                        Shifts::Zero(count, 2 * kNumMonomials))
           .first->second += scaled;
     }
@@ -460,19 +339,13 @@ class PosteriorProblem {
   }
 
   const colmap::Camera& CameraOf(int image) const {
-    return model_.Camera(model_.Image(image_ids_[size_t(image)]).CameraId());
+    return model_.Camera(
+        model_.Image(unknowns_.image_ids[size_t(image)]).CameraId());
   }
 
   const BundleAdjustmentOptions& options_;
-  const CameraBeliefs& beliefs_;
   const colmap::Reconstruction& model_;
-  const IntrinsicsBlocks blocks_;
-  // Chosen images in increasing order, and the columns of each.
-  std::vector<colmap::image_t> image_ids_;
-  std::vector<Columns> columns_;
-  std::map<uint32_t, Block> intrinsics_;
-  std::vector<Prior> priors_;
-  int num_columns_ = 0;
+  const PosteriorColumns unknowns_;
   ObservationIndex index_;
   std::vector<Observation> observations_;
   // Residuals of the observations, whitened by their weights.

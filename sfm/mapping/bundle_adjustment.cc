@@ -101,7 +101,7 @@ class ModelBundle {
   }
 
  private:
-  // Of the pose that an image moves by.
+  // The held parts of the pose that an image moves by.
   std::array<bool, 6>& ConstantPartsOf(BundleImage* image) {
     return image->frame < 0 ? image->is_constant
                             : bundle_.frames[image->frame].is_constant;

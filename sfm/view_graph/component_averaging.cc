@@ -5,6 +5,7 @@
 #include "estimators/option_check.h"
 #include "sfm/view_graph/missing_matches.h"
 #include "sfm/view_graph/pair_evidence.h"
+#include "sfm/view_graph/rotation_nodes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -38,43 +39,6 @@ constexpr double kOutlierCostFactor = 0.25;
 struct RotationAverage {
   std::vector<Eigen::Quaterniond> cam_from_world;
   std::vector<char> is_outlier;
-};
-
-// The nodes of rotation averaging: frames, and images that are in none.
-struct RotationNodes {
-  int num_nodes = 0;
-  // By image of the index.
-  std::vector<int> node_of_image;
-  std::vector<Eigen::Quaterniond> cam_from_node;
-
-  RotationNodes(const ImageIndex& index, const FrameMembers& frames)
-      : cam_from_node(index.Size(), Eigen::Quaterniond::Identity()) {
-    std::map<frame_t, int> node_of_frame;
-    for (int i = 0; i < index.Size(); ++i) {
-      const auto member = frames.find(index.IdOf(i));
-      if (member == frames.end()) {
-        node_of_image.push_back(num_nodes++);
-        continue;
-      }
-      cam_from_node[i] = member->second.cam_from_rig.rotation;
-      const auto [node, is_new] =
-          node_of_frame.emplace(member->second.frame_id, num_nodes);
-      num_nodes += is_new;
-      node_of_image.push_back(node->second);
-    }
-  }
-
-  // Rotations of the nodes by those of the images, which may be none.
-  std::vector<Eigen::Quaterniond> NodeFromWorld(
-      const std::vector<Eigen::Quaterniond>& cam_from_world) const {
-    std::vector<Eigen::Quaterniond> node_from_world;
-    for (size_t i = 0; i < cam_from_world.size(); ++i) {
-      if (node_of_image[i] < int(node_from_world.size())) continue;
-      node_from_world.push_back(cam_from_node[i].conjugate() *
-                                cam_from_world[i]);
-    }
-    return node_from_world;
-  }
 };
 
 std::optional<RotationAverage> AverageRotationsKeeping(

@@ -101,6 +101,12 @@ TEST_P(RigDatabaseTest, NamesWhatIsWrong) {
   ExpectFails("column sensor_from_rig holds something other than a multiple");
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = zeroblob(56)");
   ExpectFails("rig 1: sensor_from_rig of camera 2 is no pose");
+  // A quaternion of denormal numbers cannot be normalised.
+  writer_.Execute(
+      "UPDATE rig_sensors SET sensor_from_rig = "
+      "x'01000000000000000000000000000000000000000000000000000000"
+      "00000000000000000000000000000000000000000000000000000000'");
+  ExpectFails("rig 1: sensor_from_rig of camera 2 is no pose");
   writer_.Execute(
       "UPDATE rig_sensors SET sensor_id = 7, sensor_from_rig = NULL");
   ExpectFails("rig 1: camera 7 does not exist");
