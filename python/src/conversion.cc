@@ -37,8 +37,8 @@ bool CopyNumbers(const ArrayView& view, std::vector<float>* values) {
   switch (static_cast<Code>(view.type.code)) {
     case Code::Float:
       if (bits == 16) {
-        const auto* bytes = static_cast<const uint8_t*>(view.data);
-        *values = internal::HalfsToFloats({bytes, bytes + 2 * view.size});
+        const auto* halfs = static_cast<const uint16_t*>(view.data);
+        *values = internal::HalfsToFloats({halfs, halfs + view.size});
       }
       if (bits == 32) CopyAs<float>(view, values);
       if (bits == 64) CopyAs<double>(view, values);

@@ -13,6 +13,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -289,8 +290,12 @@ class ReportPage(unittest.TestCase):
                 light, dark = sorted([luminance(color), luminance(card)], reverse=True)
                 # WCAG AA for text.
                 self.assertGreater((light + 0.05) / (dark + 0.05), 4.5, (scheme, selector))
-            # The 3D view follows.
-            background = self.value("page.sceneCard.view.scene.background.r")
+            # The 3D view follows, once the browser has reported the change.
+            for _ in range(100):
+                background = self.value("page.sceneCard.view.scene.background.r")
+                if (background > 0.5) == (scheme == "light"):
+                    break
+                time.sleep(0.1)
             self.assertEqual(background > 0.5, scheme == "light")
         self.assertGreater(surfaces[0], 0.9)
         self.assertLess(surfaces[1], 0.05)
