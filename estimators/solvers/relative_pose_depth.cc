@@ -99,6 +99,60 @@ struct SideEquations {
   }
 };
 
+// Gauss-Newton on the three law-of-cosines equations of P3P.
+void PolishDepths(const Eigen::Matrix3d& dots,
+                  const Eigen::Vector3d& sq_sides,
+                  Eigen::Vector3d* z) {
+  for (int step = 0; step < 2; ++step) {
+    Eigen::Vector3d residual;
+    Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
+    for (int k = 0; k < 3; ++k) {
+      const auto [i, j] = kCorners[k];
+      const double zi = (*z)(i);
+      const double zj = (*z)(j);
+      residual(k) = zi * zi * dots(i, i) + zj * zj * dots(j, j) -
+                    2 * zi * zj * dots(i, j) - sq_sides(k);
+      J(k, i) = 2 * (zi * dots(i, i) - zj * dots(i, j));
+      J(k, j) = 2 * (zj * dots(j, j) - zi * dots(i, j));
+    }
+    const Eigen::Vector3d dz = J.inverse() * residual;
+    // Singular on the danger cylinder: the closed form is then as good.
+    if (!(dz.norm() < 0.1 * z->norm())) return;
+    *z -= dz;
+  }
+}
+
+// Newton on the three sides for (phi, s^2, b_3); m are products of the image
+// points of view 2.
+void PolishSharedFocal(const SideEquations& sides,
+                       double m3,
+                       double m13,
+                       double m23,
+                       Eigen::Vector3d* unknowns) {
+  const auto& y = sides.triplet.points2;
+  const double m[2] = {m13, m23};
+  const double phi = (*unknowns)(0);
+  const double sq_scale = (*unknowns)(1);
+  const double depth3 = (*unknowns)(2);
+  Eigen::Vector3d residual;
+  Eigen::Matrix3d jacobian;
+  const double side12 = sides.g2[0] * phi + sides.h2[0];
+  residual(0) = sides.g1[0] * phi + sides.h1[0] - sq_scale * side12;
+  jacobian.row(0) << sides.g1[0] - sq_scale * sides.g2[0], -side12, 0;
+  for (int k = 0; k < 2; ++k) {
+    const double b = sides.triplet.depths2[k];
+    const double g = b * b * y[k].squaredNorm() - 2 * b * depth3 * m[k] +
+                     depth3 * depth3 * m3;
+    const double side = g * phi + (b - depth3) * (b - depth3);
+    residual(k + 1) = sides.g1[k + 1] * phi + sides.h1[k + 1] - sq_scale * side;
+    jacobian.row(k + 1) << sides.g1[k + 1] - sq_scale * g, -side,
+        -2 * sq_scale * ((depth3 * m3 - b * m[k]) * phi + depth3 - b);
+  }
+  const Eigen::Vector3d change = jacobian.inverse() * residual;
+  // Near a double root the closed form is as good.
+  if (change.norm() < 0.1 * unknowns->norm()) *unknowns -= change;
+}
+
 }  // namespace
 
 TwoViewModels SolveP3PScale(const DepthTriplet& triplet) {
@@ -134,7 +188,9 @@ TwoViewModels SolveP3PScale(const DepthTriplet& triplet) {
     const double v = Evaluate(P, u) / Evaluate(Q, u);
     const double ratio = Evaluate(A, u);
     if (!(u > 0 && v > 0 && ratio > 0)) continue;
-    const Eigen::Vector3d z = std::sqrt(d12 / ratio) * Eigen::Vector3d(1, u, v);
+    Eigen::Vector3d z = std::sqrt(d12 / ratio) * Eigen::Vector3d(1, u, v);
+    PolishDepths(dots, sq_sides, &z);
+    if (!(z.minCoeff() > 0)) continue;
     double log_scale = 0;
     Triangle triangle2;
     for (int k = 0; k < 3; ++k) {
@@ -210,9 +266,14 @@ TwoViewModels SolveSharedFocal(const DepthTriplet& triplet) {
   for (int i = 0; i < roots.count; ++i) {
     const double phi = roots.values[i];
     const double sq_scale = Evaluate(L, phi) / Evaluate(M, phi);
-    sides.triplet.depths2[2] = Evaluate(N, phi) / Evaluate(LD, phi);
-    if (!(sides.triplet.depths2[2] > 0)) continue;
-    sides.AddModel(phi, sq_scale * phi, sq_scale, &models);
+    Eigen::Vector3d unknowns(
+        phi, sq_scale, Evaluate(N, phi) / Evaluate(LD, phi));
+    if (!(unknowns.minCoeff() > 0)) continue;
+    PolishSharedFocal(sides, m3, m13, m23, &unknowns);
+    if (!(unknowns(2) > 0)) continue;
+    sides.triplet.depths2[2] = unknowns(2);
+    sides.AddModel(
+        unknowns(0), unknowns(1) * unknowns(0), unknowns(1), &models);
   }
   return models;
 }
