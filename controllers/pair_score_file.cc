@@ -72,12 +72,12 @@ std::optional<Entry> ParseCsvLine(const std::string& line) {
   return CreateEntry(fields);
 }
 
-// An entry of a list of JSON. Throws nlohmann::json::exception unless it has
-// the names and the score.
+// An entry of a list of JSON. Throws unless it has the names and the score.
 Entry ParseItem(const nlohmann::json& item) {
   if (item.is_object()) {
     return {item.at("image1"), item.at("image2"), item.at("score")};
   }
+  if (item.size() != 3) throw std::runtime_error("not three values");
   return {item.at(0), item.at(1), item.at(2)};
 }
 
@@ -142,7 +142,7 @@ void ReadJson(const std::string& path,
         entry = ParseItem(value);
       } else {
         const std::vector<std::string> names = SplitAtSeparator(key);
-        entry = Entry{names.at(0), names.at(1), value};
+        if (names.size() == 2) entry = Entry{names[0], names[1], value};
       }
     } catch (const std::exception&) {
       // Reported with its place.

@@ -90,6 +90,12 @@ TEST(PairScoreFile, NamesWhatIsWrong) {
   ExpectError("a.json", "{", "", "neither an object nor a list");
   ExpectError("a.json", "{\"a.jpg\": 1}", ", entry a.jpg", expected);
   ExpectError("a.json", "[[\"a.jpg\", 1, 1]]", ", entry 0", expected);
+  ExpectError(
+      "a.json", R"([["x/a.jpg", "x/d.jpg", 1, 0]])", ", entry 0", expected);
+  ExpectError("a.json",
+              R"({"x/a.jpg<>x/d.jpg<>y/d.jpg": 1})",
+              ", entry x/a.jpg",
+              expected);
   EXPECT_THROW(ReadPairScores("missing.txt", CreateScene()),
                std::runtime_error);
 }
