@@ -4,8 +4,8 @@ namespace dgsfm {
 
 namespace {
 
-// Centres closer than this share of the distances that models are made of are
-// one: rounding of a calibration, not a baseline.
+// Distances of centres below this are rounding of a calibration, not baselines
+// [unit of the rig].
 constexpr double kMinBaseline = 1e-6;
 
 }  // namespace
@@ -34,13 +34,17 @@ std::set<colmap::camera_t> CamerasToCalibrate(const RigScene& rigs, bool all) {
   return camera_ids;
 }
 
-bool HasBaseline(const RigScene& rigs) {
-  for (const auto& [rig_id, rig] : rigs.rigs) {
-    for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
-      if (cam_from_rig && cam_from_rig->translation.norm() > kMinBaseline) {
-        return true;
-      }
-    }
+bool HasBaseline(const FrameMembers& frames,
+                 const std::vector<colmap::image_t>& image_ids) {
+  std::map<frame_t, Eigen::Vector3d> first_centers;
+  for (const colmap::image_t image_id : image_ids) {
+    const auto member = frames.find(image_id);
+    if (member == frames.end()) continue;
+    const Eigen::Vector3d center =
+        member->second.cam_from_rig.TargetOriginInSource();
+    const auto first =
+        first_centers.emplace(member->second.frame_id, center).first;
+    if ((center - first->second).norm() > kMinBaseline) return true;
   }
   return false;
 }

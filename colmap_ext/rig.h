@@ -11,11 +11,15 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <vector>
 
 namespace dgsfm {
 
 using rig_t = uint32_t;
 using frame_t = uint32_t;
+
+// COLMAP's number of the sensor type "camera", in databases and models.
+constexpr int kCameraSensorType = 0;
 
 struct Rig {
   colmap::camera_t ref_camera_id = colmap::kInvalidCameraId;
@@ -54,8 +58,9 @@ FrameMembers MembersOf(const RigScene& rigs);
 // Cameras whose pose in their rig is unknown, or with `all` all but references.
 std::set<colmap::camera_t> CamerasToCalibrate(const RigScene& rigs, bool all);
 
-// Whether known poses in rigs fix the scale: two cameras of one rig have
-// different centres.
-bool HasBaseline(const RigScene& rigs);
+// Whether frames fix the scale of a model of these images: two of one frame
+// have different centres.
+bool HasBaseline(const FrameMembers& frames,
+                 const std::vector<colmap::image_t>& image_ids);
 
 }  // namespace dgsfm

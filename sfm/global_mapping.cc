@@ -109,12 +109,15 @@ void MapComponents(const MappingContext& context,
                    });
 }
 
-void MeasureUnits(const KeypointDepthMap& depths,
-                  bool rigs_fix_scale,
+void MeasureUnits(const MappingContext& context,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
   for (const auto& model : result->models) {
-    MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
+    MeasuredUnit unit =
+        UnitOfModel(context.depths, result->depth_scales, *model);
+    const bool rigs_fix_scale =
+        !context.options.refine_sensor_from_rig &&
+        HasBaseline(context.frames, model->RegImageIds());
     if (rigs_fix_scale) unit.unit = ModelUnit::RIGS;
     result->units.push_back(unit);
     if (rigs_fix_scale || !unit.IsDoubtful()) continue;
@@ -190,10 +193,7 @@ DepthGlobalMapperResult RunGlobalMapping(
   const MappingContext context = {
       options, verification, *scene, *depths, frames, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
-  MeasureUnits(*depths,
-               !options.refine_sensor_from_rig && HasBaseline(scene->rigs),
-               &result,
-               &log);
+  MeasureUnits(context, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);
   result.stages = std::move(log.stages);
   result.warnings = std::move(log.warnings);

@@ -67,7 +67,7 @@ std::string IfAny(size_t count,
   return count == 0 ? "" : "; " + CountText(count, noun) + " " + text;
 }
 
-std::string TellScene(const Reports& reports) {
+std::string DescribeScene(const Reports& reports) {
   return "Database: " + CountText(reports.Count("images"), "image") + ", " +
          CountText(reports.Count("pairs"), "matched pair") + ", " +
          CountText(reports.Count("cameras"), "camera") + " (" +
@@ -76,7 +76,7 @@ std::string TellScene(const Reports& reports) {
          " with a focal length of EXIF data)";
 }
 
-std::string TellDepth(const Reports& reports) {
+std::string DescribeDepth(const Reports& reports) {
   const size_t num_images = reports.Count("images");
   return num_images == 0 ? "Depth: none"
                          : "Depth: maps of " + CountText(num_images, "image");
@@ -88,7 +88,7 @@ std::string WithSpaces(std::string name) {
   return name;
 }
 
-std::string TellPairs(const Reports& reports) {
+std::string DescribePairs(const Reports& reports) {
   size_t num_pairs = 0;
   std::string reasons;
   for (const auto& [figure, value] : reports.begin()->figures) {
@@ -109,7 +109,7 @@ std::string TellPairs(const Reports& reports) {
                "deleted, as matches, depths or options changed");
 }
 
-std::string TellCameras(const Reports& reports) {
+std::string DescribeCameras(const Reports& reports) {
   std::string sources;
   for (const StageReport& report : reports) {
     if (report.stage != "focal_averaging") continue;
@@ -135,13 +135,13 @@ std::string TellCameras(const Reports& reports) {
                "of low triplet support left out");
 }
 
-std::string TellRotations(const Reports& reports) {
+std::string DescribeRotations(const Reports& reports) {
   return "Rotations: " + std::to_string(reports.Count("images_kept")) + " of " +
          CountText(reports.Count("images"), "image") +
          IfAny(reports.Count("pairs_filtered"), "pair", "left out");
 }
 
-std::string TellInitialization(const Reports& reports) {
+std::string DescribeInitialization(const Reports& reports) {
   return "First positions: " +
          CountText(reports.Count("images", "initialization"), "image") + ", " +
          CountText(reports.Count("tracks"), "track") +
@@ -150,7 +150,7 @@ std::string TellInitialization(const Reports& reports) {
                "left out");
 }
 
-std::string TellPositioning(const Reports& reports) {
+std::string DescribePositioning(const Reports& reports) {
   return "Global positioning: " + CountText(reports.Count("points"), "point") +
          IfAny(reports.Count("observations_filtered"),
                "observation",
@@ -158,14 +158,14 @@ std::string TellPositioning(const Reports& reports) {
          (reports.Count("converged") > 0 ? "" : "; not converged");
 }
 
-std::string TellAdjustment(const Reports& reports) {
+std::string DescribeAdjustment(const Reports& reports) {
   return "Bundle adjustment: " + CountText(reports.size(), "round") + ", " +
          CountText(reports.Count("points"), "point") + ", error " +
          Number("%.2f", reports.Find("rms_px").value_or(0)) + " px rms" +
          IfAny(reports.Sum("observations_filtered"), "observation", "left out");
 }
 
-std::string TellCalibration(const Reports& reports) {
+std::string DescribeCalibration(const Reports& reports) {
   const size_t num_cameras = reports.Count("cameras");
   return "Self-calibration: " +
          (num_cameras == 0 ? std::string("each camera by itself")
@@ -175,7 +175,7 @@ std::string TellCalibration(const Reports& reports) {
              reports.Count("principal_points_held"), "principal point", "held");
 }
 
-std::string TellCompletion(const Reports& reports) {
+std::string DescribeCompletion(const Reports& reports) {
   return "Completion: " +
          CountText(reports.Sum("observations_gained"), "observation") +
          " gained, " +
@@ -185,7 +185,10 @@ std::string TellCompletion(const Reports& reports) {
          " px rms";
 }
 
-std::string TellScale(const Reports& reports) {
+std::string DescribeScale(const Reports& reports) {
+  if (reports.Count("scale_by_rigs") > 0) {
+    return "Scale: that of the rigs' baselines";
+  }
   const size_t num_images = reports.Count("images_with_scale");
   if (num_images == 0) return "Scale: arbitrary, as no depth map gives it";
   return "Scale: that of " + CountText(num_images, "depth map") +
@@ -196,11 +199,11 @@ std::string TellScale(const Reports& reports) {
          " %";
 }
 
-std::string TellWriting(const Reports& reports) {
+std::string DescribeWriting(const Reports& reports) {
   return "Wrote " + CountText(reports.Count("models"), "model");
 }
 
-// Stages that are told by one sentence.
+// Stages that one sentence describes.
 struct Chapter {
   std::vector<std::string> stages;
   // Its last stage, after which the sentence is due; empty if there may be
@@ -208,14 +211,14 @@ struct Chapter {
   std::string last_stage;
   // Whether models after the first do without it.
   bool is_of_model;
-  std::function<std::string(const Reports&)> tell;
+  std::function<std::string(const Reports&)> describe;
 };
 
 const std::vector<Chapter>& Chapters() {
   static const std::vector<Chapter> chapters = {
-      {{"load_scene"}, "load_scene", false, &TellScene},
-      {{"load_depth"}, "load_depth", false, &TellDepth},
-      {{"pair_verification"}, "pair_verification", false, &TellPairs},
+      {{"load_scene"}, "load_scene", false, &DescribeScene},
+      {{"load_depth"}, "load_depth", false, &DescribeDepth},
+      {{"pair_verification"}, "pair_verification", false, &DescribePairs},
       {{"static_background",
         "depth_reliability",
         "view_graph_filter",
@@ -223,18 +226,21 @@ const std::vector<Chapter>& Chapters() {
         "reverification"},
        "reverification",
        false,
-       &TellCameras},
-      {{"rotation_averaging"}, "rotation_averaging", true, &TellRotations},
+       &DescribeCameras},
+      {{"rotation_averaging"}, "rotation_averaging", true, &DescribeRotations},
       {{"scale_averaging", "translation_averaging", "initialization"},
        "initialization",
        true,
-       &TellInitialization},
-      {{"global_positioning"}, "global_positioning", true, &TellPositioning},
-      {{"bundle_adjustment"}, "", true, &TellAdjustment},
-      {{"self_calibration"}, "self_calibration", true, &TellCalibration},
-      {{"retriangulation", "final_adjustment"}, "", true, &TellCompletion},
-      {{"metric_scale"}, "metric_scale", true, &TellScale},
-      {{"write_models"}, "write_models", false, &TellWriting},
+       &DescribeInitialization},
+      {{"global_positioning"},
+       "global_positioning",
+       true,
+       &DescribePositioning},
+      {{"bundle_adjustment"}, "", true, &DescribeAdjustment},
+      {{"self_calibration"}, "self_calibration", true, &DescribeCalibration},
+      {{"retriangulation", "final_adjustment"}, "", true, &DescribeCompletion},
+      {{"metric_scale"}, "metric_scale", true, &DescribeScale},
+      {{"write_models"}, "write_models", false, &DescribeWriting},
   };
   return chapters;
 }
@@ -259,15 +265,15 @@ Reports ReportsOfChapter(const std::vector<StageReport>& reports,
   return Reports(reports.data() + begin, reports.data() + end);
 }
 
-// What takes no time to speak of is told without it.
+// Sentences of stages that take hardly any time go without it.
 std::string WithTime(const std::string& sentence, const Reports& reports) {
   const std::string duration = DurationText(reports.Seconds());
   return duration == "0.0 s" ? sentence : sentence + " (" + duration + ")";
 }
 
 // The one sentence of a model after the first.
-std::string TellModel(const std::vector<StageReport>& reports,
-                      size_t num_models) {
+std::string DescribeModel(const std::vector<StageReport>& reports,
+                          size_t num_models) {
   size_t begin = reports.size() - 1;
   while (begin > 0 && reports[begin].stage != "rotation_averaging") --begin;
   const Reports of_model(reports.data() + begin,
@@ -293,24 +299,24 @@ std::vector<std::string> NextSentences(
       }));
   const bool is_over = reports.back().stage == "metric_scale";
   const bool is_first = num_models == 0 || (num_models == 1 && is_over);
-  const auto tell = [&](const Chapter* told, size_t end) {
-    if (told == nullptr || (told->is_of_model && !is_first)) return;
-    const Reports of_chapter = ReportsOfChapter(reports, end, told);
-    sentences.push_back(WithTime(told->tell(of_chapter), of_chapter));
+  const auto add = [&](const Chapter* added, size_t end) {
+    if (added == nullptr || (added->is_of_model && !is_first)) return;
+    const Reports of_chapter = ReportsOfChapter(reports, end, added);
+    sentences.push_back(WithTime(added->describe(of_chapter), of_chapter));
   };
   if (size > 1) {
     const StageReport& previous = reports[size - 2];
     const Chapter* before = ChapterOf(previous);
     if (before != nullptr && before != chapter &&
         previous.stage != before->last_stage) {
-      tell(before, size - 1);
+      add(before, size - 1);
     }
   }
   if (is_over && !is_first) {
-    sentences.push_back(TellModel(reports, num_models));
+    sentences.push_back(DescribeModel(reports, num_models));
   } else if (chapter != nullptr &&
              reports.back().stage == chapter->last_stage) {
-    tell(chapter, size);
+    add(chapter, size);
   }
   return sentences;
 }

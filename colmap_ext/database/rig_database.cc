@@ -16,10 +16,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Value of the column sensor_type of cameras.
-constexpr int64_t kCameraSensor = 0;
-
-// A pose of w, x, y, z and translation; nothing if that is no pose.
+// The pose that w, x, y, z and a translation give; nothing for other numbers of
+// values, and for values from which none follows.
 std::optional<Rigid3d> PoseOf(const std::vector<double>& values) {
   if (values.size() != 7) return std::nullopt;
   const Eigen::Vector4d qvec(values[0], values[1], values[2], values[3]);
@@ -85,7 +83,7 @@ class RigReader {
         connection_,
         "SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = ? "
         "ORDER BY rig_id");
-    select.Bind(kCameraSensor);
+    select.Bind(kCameraSensorType);
     while (select.Step()) {
       const auto rig_id = rig_t(select.Int(0));
       AddCamera(rig_id, select.Int(1), Rigid3d());
@@ -98,11 +96,11 @@ class RigReader {
         connection_,
         "SELECT rig_id, sensor_id, sensor_from_rig FROM rig_sensors "
         "WHERE sensor_type = ? ORDER BY rig_id, sensor_id");
-    select.Bind(kCameraSensor);
+    select.Bind(kCameraSensorType);
     while (select.Step()) {
       const auto rig_id = rig_t(select.Int(0));
       if (rigs_.rigs.count(rig_id) == 0) {
-        Fail(rig_id, "the reference sensor is no camera");
+        Fail(rig_id, "the reference sensor is not a camera");
       }
       std::optional<Rigid3d> cam_from_rig;
       if (!select.IsNull(2)) {
@@ -110,7 +108,7 @@ class RigReader {
         if (!cam_from_rig) {
           Fail(rig_id,
                "sensor_from_rig of camera " + std::to_string(select.Int(1)) +
-                   " is no pose");
+                   " is not a pose");
         }
       }
       AddCamera(rig_id, select.Int(1), cam_from_rig);
@@ -123,7 +121,7 @@ class RigReader {
         "SELECT frames.frame_id, rig_id, data_id, sensor_id FROM frames "
         "JOIN frame_data ON frames.frame_id = frame_data.frame_id "
         "WHERE sensor_type = ? ORDER BY frames.frame_id, data_id");
-    select.Bind(kCameraSensor);
+    select.Bind(kCameraSensorType);
     std::set<colmap::image_t> seen;
     while (select.Step()) {
       const auto frame_id = frame_t(select.Int(0));
@@ -185,7 +183,7 @@ PrefixedCamera ParseCamera(const Json& json) {
     if (!camera.cam_from_rig) {
       throw std::runtime_error("prefix " + camera.image_prefix +
                                ": rotation (w, x, y, z) and translation are "
-                               "no pose");
+                               "not a pose");
     }
   }
   return camera;

@@ -1,9 +1,9 @@
 #include "colmap_ext/model/rig_writer.h"
 
+#include "colmap_ext/model/registered_images.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/pose_access.h"
 
-#include <algorithm>
 #include <set>
 #include <utility>
 #include <vector>
@@ -12,21 +12,11 @@ namespace dgsfm {
 
 namespace {
 
-// COLMAP's number of the sensor type "camera".
-constexpr int32_t kCameraSensor = 0;
-
 // The rigs and frames of the registered images, those of one image too.
 struct ModelRigs {
   RigScene rigs;
   std::map<frame_t, Rigid3d> rig_from_world;
 };
-
-std::vector<colmap::image_t> SortedRegistered(
-    const colmap::Reconstruction& model) {
-  std::vector<colmap::image_t> image_ids = model.RegImageIds();
-  std::sort(image_ids.begin(), image_ids.end());
-  return image_ids;
-}
 
 void AddFrames(const RigScene& rigs,
                const colmap::Reconstruction& model,
@@ -34,9 +24,7 @@ void AddFrames(const RigScene& rigs,
                ModelRigs* all) {
   for (const auto& [frame_id, frame] : rigs.frames) {
     for (const auto& [camera_id, image_id] : frame.images) {
-      if (!model.ExistsImage(image_id) || !model.IsImageRegistered(image_id)) {
-        continue;
-      }
+      if (!IsRegistered(model, image_id)) continue;
       const auto& cam_from_rig =
           rigs.rigs.at(frame.rig_id).cam_from_rig.at(camera_id);
       if (!cam_from_rig) continue;
@@ -51,7 +39,7 @@ void AddFrames(const RigScene& rigs,
   }
 }
 
-// Images that are in no frame are one; their cameras a rig.
+// Makes a frame of each image that is in none, and a rig of its camera.
 void AddSingleImages(const colmap::Reconstruction& model,
                      const std::set<colmap::image_t>& added,
                      ModelRigs* all) {
@@ -59,7 +47,7 @@ void AddSingleImages(const colmap::Reconstruction& model,
     return map.empty() ? 1 : map.rbegin()->first + 1;
   };
   std::map<colmap::camera_t, rig_t> rig_of_camera;
-  for (const colmap::image_t image_id : SortedRegistered(model)) {
+  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
     if (added.count(image_id) > 0) continue;
     const colmap::camera_t camera_id = model.Image(image_id).CameraId();
     auto rig = rig_of_camera.find(camera_id);
@@ -81,7 +69,7 @@ void WritePose(const Rigid3d& pose, OutputFile* file) {
 }
 
 void WriteSensor(colmap::camera_t camera_id, OutputFile* file) {
-  file->WriteNumber<int32_t>(kCameraSensor);
+  file->WriteNumber<int32_t>(kCameraSensorType);
   file->WriteNumber<uint32_t>(camera_id);
 }
 

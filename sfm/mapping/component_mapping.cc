@@ -95,7 +95,7 @@ ModelInProgress StartModel(const MappingContext& context,
     progress.rigs.refined_cameras =
         CamerasToCalibrate(context.scene.rigs, /*all=*/true);
   } else {
-    progress.rigs.fix_scale = HasBaseline(context.scene.rigs);
+    progress.rigs.fix_scale = HasBaseline(context.frames, rotations.image_ids);
   }
 
   StageTimer timer("initialization");
@@ -147,6 +147,7 @@ void FinishModel(const MappingContext& context,
       .Add("scale_factor", metric.factor)
       .Add("log_scale_spread", metric.log_spread)
       .Add("images_with_scale", double(metric.num_images));
+  if (progress->rigs.fix_scale) timer.Add("scale_by_rigs", 1);
   timer.Finish(&log->stages);
 }
 

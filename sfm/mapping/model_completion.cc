@@ -21,11 +21,6 @@ constexpr double kMinFilteredShare = 1e-3;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 
-bool IsRegistered(const colmap::Reconstruction& model,
-                  colmap::image_t image_id) {
-  return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
-}
-
 // Matches whose Sampson error under the poses of the model is small, each
 // feature at most once, as COLMAP's correspondence graph wants them.
 colmap::FeatureMatches MatchesOnEpipolarLines(
@@ -119,9 +114,7 @@ void BuildCorrespondenceGraph(const Scene& scene,
   for (const auto& [pair_id, matches] : scene.matches) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     const auto pair = pairs.find(pair_id);
-    if (!model.ExistsImage(image_id1) || !model.ExistsImage(image_id2) ||
-        !model.IsImageRegistered(image_id1) ||
-        !model.IsImageRegistered(image_id2) ||
+    if (!IsRegistered(model, image_id1) || !IsRegistered(model, image_id2) ||
         (pair != pairs.end() && StaysOut(pair->second.status))) {
       continue;
     }

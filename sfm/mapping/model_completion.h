@@ -1,5 +1,4 @@
-// What matches say once a model has poses: more observations, and which pairs
-// are valid.
+// More observations for a model with poses, and its judgement of pairs.
 
 #pragma once
 

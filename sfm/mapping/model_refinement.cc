@@ -107,19 +107,13 @@ std::vector<int> BodiesOf(const ImageIndex& index, const FrameMembers& frames) {
   return bodies;
 }
 
-bool HaveOffsets(const FrameMembers& frames) {
-  return std::any_of(frames.begin(), frames.end(), [](const auto& member) {
-    return member.second.cam_from_rig.translation.norm() > 0;
-  });
-}
-
 // Frames that an image with enough points gives a pose.
 std::set<frame_t> FramesWithPoints(const ModelRefinementOptions& options,
                                    const FrameMembers& frames,
                                    const colmap::Reconstruction& model) {
   std::set<frame_t> frame_ids;
   for (const auto& [image_id, member] : frames) {
-    if (model.ExistsImage(image_id) && model.IsImageRegistered(image_id) &&
+    if (IsRegistered(model, image_id) &&
         model.Image(image_id).NumPoints3D() >=
             size_t(options.min_num_points_per_image)) {
       frame_ids.insert(member.frame_id);
@@ -152,7 +146,8 @@ GlobalPositioningSummary PositionCameras(
     colmap::image_t fixed_image,
     colmap::Reconstruction* model,
     const FrameMembers& frames) {
-  const ImageIndex index(SortedRegisteredImages(*model));
+  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(*model);
+  const ImageIndex index(image_ids);
   const std::vector<colmap::point3D_t> point_ids = SortedPoints(*model);
   std::vector<Eigen::Vector3d> centers;
   for (int i = 0; i < index.Size(); ++i) {
@@ -176,13 +171,13 @@ GlobalPositioningSummary PositionCameras(
   }
   GlobalPositioningOptions positioning = options;
   positioning.num_threads = EffectiveNumThreads(num_threads);
-  const GlobalPositioningSummary summary =
-      SolveGlobalPositioning(observations,
-                             index.Of(fixed_image),
-                             positioning,
-                             &centers,
-                             &points,
-                             {BodiesOf(index, frames), HaveOffsets(frames)});
+  const GlobalPositioningSummary summary = SolveGlobalPositioning(
+      observations,
+      index.Of(fixed_image),
+      positioning,
+      &centers,
+      &points,
+      {BodiesOf(index, frames), HasBaseline(frames, image_ids)});
   if (!summary.success) return summary;
   for (int i = 0; i < index.Size(); ++i) {
     SetCenterInWorld(centers[i], &model->Image(index.IdOf(i)));

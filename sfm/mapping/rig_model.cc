@@ -1,5 +1,6 @@
 #include "sfm/mapping/rig_model.h"
 
+#include "colmap_ext/model/registered_images.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/median.h"
 #include "estimators/optimization/ray_intersection.h"
@@ -37,20 +38,11 @@ Eigen::Quaterniond MedianRotation(
   return median;
 }
 
-Rigid3d MedianPose(const std::vector<Rigid3d>& poses) {
+// What several images make of one pose.
+struct Poses {
   std::vector<Eigen::Quaterniond> rotations;
-  std::vector<Eigen::Vector3d> translations;
-  for (const Rigid3d& pose : poses) {
-    rotations.push_back(pose.rotation);
-    translations.push_back(pose.translation);
-  }
-  return {MedianRotation(rotations), ComponentwiseMedian(translations)};
-}
-
-bool IsRegistered(const colmap::Reconstruction& model,
-                  colmap::image_t image_id) {
-  return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
-}
+  std::vector<Eigen::Vector3d> positions;
+};
 
 using FrameImages = std::map<frame_t, std::vector<colmap::image_t>>;
 
@@ -70,7 +62,7 @@ FrameImages ImagesOfFrames(const FrameMembers& frames,
 RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
                        const colmap::Reconstruction& model,
                        const RigScene& rigs) {
-  std::map<colmap::camera_t, std::vector<Rigid3d>> poses;
+  std::map<colmap::camera_t, Poses> poses;
   for (const auto& [frame_id, frame] : rigs.frames) {
     const auto reference =
         frame.images.find(rigs.rigs.at(frame.rig_id).ref_camera_id);
@@ -84,15 +76,19 @@ RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
       if (camera_ids.count(camera_id) == 0 || !IsRegistered(model, image_id)) {
         continue;
       }
-      poses[camera_id].push_back(CamFromWorld(model.Image(image_id)) *
-                                 world_from_rig);
+      const Rigid3d cam_from_rig =
+          CamFromWorld(model.Image(image_id)) * world_from_rig;
+      poses[camera_id].rotations.push_back(cam_from_rig.rotation);
+      poses[camera_id].positions.push_back(cam_from_rig.translation);
     }
   }
   RigScene calibrated = rigs;
   for (auto& [rig_id, rig] : calibrated.rigs) {
     for (auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
       const auto found = poses.find(camera_id);
-      if (found != poses.end()) cam_from_rig = MedianPose(found->second);
+      if (found == poses.end()) continue;
+      cam_from_rig = Rigid3d(MedianRotation(found->second.rotations),
+                             ComponentwiseMedian(found->second.positions));
     }
   }
   return calibrated;
@@ -130,21 +126,20 @@ std::optional<double> ModelFromRigScale(const FrameMembers& frames,
 
 void JoinFrames(const FrameMembers& frames, colmap::Reconstruction* model) {
   for (const auto& [frame_id, image_ids] : ImagesOfFrames(frames, *model)) {
-    std::vector<Rigid3d> poses;
+    Poses poses;
     for (const colmap::image_t image_id : image_ids) {
       if (!IsRegistered(*model, image_id)) continue;
-      poses.push_back(frames.at(image_id).cam_from_rig.Inverse() *
-                      CamFromWorld(model->Image(image_id)));
+      const Rigid3d rig_from_world =
+          frames.at(image_id).cam_from_rig.Inverse() *
+          CamFromWorld(model->Image(image_id));
+      poses.rotations.push_back(rig_from_world.rotation);
+      // Centres, since translations depend on the rotations.
+      poses.positions.push_back(rig_from_world.TargetOriginInSource());
     }
-    if (poses.empty()) continue;
-    // Centres, not translations: rotations of the images are the same already.
-    std::vector<Eigen::Vector3d> centers;
-    for (const Rigid3d& pose : poses) {
-      centers.push_back(pose.TargetOriginInSource());
-    }
-    Rigid3d rig_from_world = MedianPose(poses);
-    rig_from_world.translation =
-        rig_from_world.rotation * -ComponentwiseMedian(centers);
+    if (poses.rotations.empty()) continue;
+    const Eigen::Quaterniond rotation = MedianRotation(poses.rotations);
+    const Rigid3d rig_from_world(
+        rotation, rotation * -ComponentwiseMedian(poses.positions));
     for (const colmap::image_t image_id : image_ids) {
       SetCamFromWorld(frames.at(image_id).cam_from_rig * rig_from_world,
                       &model->Image(image_id));

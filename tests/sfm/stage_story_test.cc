@@ -69,7 +69,7 @@ std::vector<std::string> Story(const std::vector<StageReport>& reports) {
   return sentences;
 }
 
-TEST(StageStory, TellsThePreparation) {
+TEST(StageStory, DescribesThePreparation) {
   EXPECT_THAT(
       Story({Report("load_scene",
                     0.06,
@@ -99,7 +99,7 @@ TEST(StageStory, TellsThePreparation) {
                   "4 pairs verified with these; 1 depth map left out (2.0 s)"));
 }
 
-TEST(StageStory, TellsAModelWithOneSentenceForRepeatedStages) {
+TEST(StageStory, DescribesAModelWithOneSentenceForRepeatedStages) {
   EXPECT_THAT(
       Story(ReportsOfOneModel()),
       ElementsAre("Rotations: 18 of 19 images; 23 pairs left out (0.2 s)",
@@ -112,6 +112,16 @@ TEST(StageStory, TellsAModelWithOneSentenceForRepeatedStages) {
                   "Completion: 3,393 observations gained, 194 observations "
                   "left out, 1,234,567 points, error 0.34 px rms (1.0 s)",
                   "Scale: that of 17 depth maps, which differ by 11 %"));
+}
+
+TEST(StageStory, NamesRigsThatFixTheScale) {
+  EXPECT_THAT(Story({Report("metric_scale",
+                            0,
+                            {{"images", 17},
+                             {"points", 50},
+                             {"images_with_scale", 0},
+                             {"scale_by_rigs", 1}})}),
+              ElementsAre("Scale: that of the rigs' baselines"));
 }
 
 TEST(StageStory, GivesFurtherModelsOneSentenceEach) {

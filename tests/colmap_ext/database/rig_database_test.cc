@@ -70,12 +70,14 @@ TEST_P(RigDatabaseTest, ReadsRigsOfSeveralCameras) {
   EXPECT_EQ(rigs.rigs.at(1).ref_camera_id, 1);
   EXPECT_EQ(rigs.rigs.at(1).cam_from_rig.at(2)->translation,
             Eigen::Vector3d(-1, 0, 0));
-  EXPECT_TRUE(HasBaseline(rigs));
   ASSERT_EQ(rigs.frames.size(), 2);
   const FrameMembers members = MembersOf(rigs);
   EXPECT_EQ(members.size(), 4);
   EXPECT_EQ(members.at(4).frame_id, 2);
   EXPECT_EQ(members.at(4).camera_id, 2);
+  EXPECT_TRUE(HasBaseline(members, {1, 2, 3}));
+  // Of each frame one image, and images of no frame.
+  EXPECT_FALSE(HasBaseline(members, {1, 2, 7}));
 }
 
 TEST_P(RigDatabaseTest, UnknownPosesConstrainNothing) {
@@ -83,8 +85,8 @@ TEST_P(RigDatabaseTest, UnknownPosesConstrainNothing) {
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = NULL");
   const RigScene rigs = ReadRigs(path_, ReadScene(path_, SceneContent::IMAGES));
   EXPECT_EQ(CamerasToCalibrate(rigs, false), std::set<colmap::camera_t>{2});
-  EXPECT_FALSE(HasBaseline(rigs));
   EXPECT_EQ(MembersOf(rigs).size(), 2);
+  EXPECT_FALSE(HasBaseline(MembersOf(rigs), {1, 2, 3, 4}));
 }
 
 TEST_P(RigDatabaseTest, IgnoresOtherSensors) {
@@ -100,13 +102,13 @@ TEST_P(RigDatabaseTest, NamesWhatIsWrong) {
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = x'00'");
   ExpectFails("column sensor_from_rig holds something other than a multiple");
   writer_.Execute("UPDATE rig_sensors SET sensor_from_rig = zeroblob(56)");
-  ExpectFails("rig 1: sensor_from_rig of camera 2 is no pose");
+  ExpectFails("rig 1: sensor_from_rig of camera 2 is not a pose");
   // A quaternion of denormal numbers cannot be normalised.
   writer_.Execute(
       "UPDATE rig_sensors SET sensor_from_rig = "
       "x'01000000000000000000000000000000000000000000000000000000"
       "00000000000000000000000000000000000000000000000000000000'");
-  ExpectFails("rig 1: sensor_from_rig of camera 2 is no pose");
+  ExpectFails("rig 1: sensor_from_rig of camera 2 is not a pose");
   writer_.Execute(
       "UPDATE rig_sensors SET sensor_id = 7, sensor_from_rig = NULL");
   ExpectFails("rig 1: camera 7 does not exist");
