@@ -7,7 +7,7 @@
 
 namespace dgsfm {
 
-// No std::runtime_error, so that nobody takes it for faulty input.
+// Not a std::runtime_error, which handlers take for faulty input.
 class Cancelled : public std::exception {
  public:
   const char* what() const noexcept override { return "cancelled"; }

@@ -98,7 +98,8 @@ void OutputFile::Flush() {
   for (size_t i = 0; i < buffer_.size();) {
     const ssize_t num_written =
         write(descriptor_, buffer_.data() + i, buffer_.size() - i);
-    // A signal such as a resized terminal is no failure.
+    // A signal, such as that of a resized terminal, interrupts the call without
+    // making it fail.
     if (num_written < 0 && errno == EINTR) continue;
     if (num_written <= 0) Fail(path_);
     i += static_cast<size_t>(num_written);

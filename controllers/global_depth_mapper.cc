@@ -31,8 +31,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kProjectFile[] = "project.ini";
-constexpr char kReportFile[] = "report.json";
 constexpr char kPageFile[] = "report.html";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
@@ -137,14 +135,8 @@ GlobalDepthMapperSummary Summarize(const Scene& scene,
   summary.output_path = output_path;
   summary.text = MapperSummary(scene, result, output_path);
   for (size_t i = 0; i < result.models.size(); ++i) {
-    summary.models.push_back(
-        {(fs::path(output_path) / std::to_string(i)).string(),
-         result.models[i]->NumRegImages(),
-         result.units[i]});
-  }
-  for (const auto& [image_id, reason] : result.unregistered_images) {
-    summary.unregistered_images.emplace_back(scene.images.at(image_id).Name(),
-                                             reason);
+    summary.model_paths.push_back(
+        (fs::path(output_path) / std::to_string(i)).string());
   }
   return summary;
 }
@@ -310,24 +302,21 @@ void GlobalDepthMapper::WritePairStatuses(const PairGeometries& pairs) const {
 
 int RunDepthGlobalMapper(int argc, char** argv) {
   GlobalDepthMapperOptions options;
-  // The preset, read first, sets the defaults of the other options.
-  for (int pass = 0; pass < 2; ++pass) {
-    const bool is_paper = options.paper;
-    options = GlobalDepthMapperOptions();
-    options.paper = is_paper;
-    if (is_paper) ApplyPaperPreset(&options);
-    CommandOptions command_options(
-        "depth_global_mapper",
-        "Reconstructs a database with depth priors by global "
-        "structure from motion.");
-    BindOptions(&options, &command_options);
-    if (const auto exit_code = command_options.Parse(argc, argv)) {
-      return *exit_code;
-    }
-  }
+  std::optional<int> exit_code;
+  SetOverPreset(
+      [&] {
+        CommandOptions command_options(
+            "depth_global_mapper",
+            "Reconstructs a database with depth priors by global "
+            "structure from motion.");
+        BindOptions(&options, &command_options);
+        exit_code = command_options.Parse(argc, argv);
+      },
+      &options);
+  if (exit_code) return *exit_code;
   const GlobalDepthMapperSummary summary = GlobalDepthMapper(options).Run();
   std::cout << summary.text << std::flush;
-  if (!summary.models.empty()) return 0;
+  if (!summary.model_paths.empty()) return 0;
   std::cerr << "ERROR: " << summary.FailureText() << std::endl;
   return 1;
 }

@@ -7,29 +7,20 @@
 #include "sfm/global_mapping.h"
 
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace dgsfm {
 
 // What came out of a run, for messages.
 struct GlobalDepthMapperSummary {
-  struct Model {
-    // Folder of the model.
-    std::string path;
-    size_t num_images = 0;
-    MeasuredUnit unit;
-  };
-  // Largest first.
-  std::vector<Model> models;
-  // Name and reason of each image of no model.
-  std::vector<std::pair<std::string, std::string>> unregistered_images;
+  // Folders of the models, largest first.
+  std::vector<std::string> model_paths;
   std::string output_path;
 
   // What was made, how good it looks and what to look at, in lines.
   std::string text;
 
-  // Why the run failed: there is no model.
+  // The message of a run without any model.
   std::string FailureText() const;
 };
 

@@ -263,4 +263,14 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   adjustment.intrinsics.refine_principal_point = false;
 }
 
+void SetOverPreset(const std::function<void()>& set,
+                   GlobalDepthMapperOptions* options) {
+  set();
+  if (!options->paper) return;
+  *options = GlobalDepthMapperOptions();
+  options->paper = true;
+  ApplyPaperPreset(options);
+  set();
+}
+
 }  // namespace dgsfm

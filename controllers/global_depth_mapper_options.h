@@ -5,6 +5,7 @@
 #include "controllers/depth_geometric_verifier.h"
 #include "sfm/global_mapping_options.h"
 
+#include <functional>
 #include <string>
 
 namespace dgsfm {
@@ -52,5 +53,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
 // Sets the thresholds of the paper's appendix and switches stages off that it
 // does not have.
 void ApplyPaperPreset(GlobalDepthMapperOptions* options);
+
+// Calls `set`, which sets some of the options, and if these include `paper`,
+// once more over the preset, whose values are then the defaults of the others.
+void SetOverPreset(const std::function<void()>& set,
+                   GlobalDepthMapperOptions* options);
 
 }  // namespace dgsfm

@@ -9,6 +9,10 @@
 
 namespace dgsfm {
 
+// Files of a run, beside the models.
+constexpr char kReportFile[] = "report.json";
+constexpr char kProjectFile[] = "project.ini";
+
 // Throws std::runtime_error if the file cannot be written.
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,

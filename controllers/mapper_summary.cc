@@ -1,5 +1,7 @@
 #include "controllers/mapper_summary.h"
 
+#include "controllers/mapper_report.h"
+#include "estimators/median.h"
 #include "sfm/stage_story.h"
 
 #include <algorithm>
@@ -36,9 +38,7 @@ std::optional<double> MedianErrorPx(const colmap::Reconstruction& model) {
     if (point.HasError()) errors.push_back(point.Error());
   }
   if (errors.empty()) return std::nullopt;
-  const auto middle = errors.begin() + errors.size() / 2;
-  std::nth_element(errors.begin(), middle, errors.end());
-  return *middle;
+  return Median(std::move(errors));
 }
 
 std::string UnitText(const MeasuredUnit& measured) {
@@ -130,8 +130,8 @@ std::vector<std::string> Oddities(const Scene& scene,
   if (result.models.size() > 1) {
     lines.push_back(
         "the models are apart: no pair joins them that is "
-        "consistent with the others, see view_graph in "
-        "report.json");
+        "consistent with the others, see view_graph in " +
+        std::string(kReportFile));
   }
   if (result.models.empty()) return lines;
   const auto error = MedianErrorPx(*result.models.front());
@@ -180,7 +180,7 @@ std::string MapperSummary(const Scene& scene,
   for (const std::string& line : oddities) text += "check: " + line + "\n";
   if (oddities.empty()) text += "check: nothing looks odd\n";
   return text + "report: " +
-         (std::filesystem::path(output_path) / "report.json").string() + "\n";
+         (std::filesystem::path(output_path) / kReportFile).string() + "\n";
 }
 
 }  // namespace dgsfm

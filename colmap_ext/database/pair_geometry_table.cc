@@ -139,7 +139,7 @@ PairGeometry PairGeometryCursor::Geometry() const {
       fail("its geometry refers to key points that are gone");
     }
   }
-  // A wrong number in the file is no mistake of a caller.
+  // A wrong number in the file is an error of the data, not of a caller.
   try {
     CheckPairGeometry(geometry);
   } catch (const std::invalid_argument&) {

@@ -63,7 +63,7 @@ inline constexpr const char* kDepthArrayNames[] = {"depth",
 struct DepthFile {
   // With `arrays`, what these are called in messages.
   std::string path;
-  // Takes the place of a file: arrays as ReadDepth knows them from .npz.
+  // In place of a file, arrays with the names that ReadDepth reads from .npz.
   ArrayReader arrays;
   // Group of the image in an HDF5 file, otherwise empty.
   std::string group;

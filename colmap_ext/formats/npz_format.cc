@@ -85,7 +85,7 @@ std::optional<NumberArray> NpzFile::Read(const std::string& name) const {
   const std::string array = "the array " + name;
   zip_stat_t stat;
   zip_stat_init(&stat);
-  // Optional arrays are asked for by name, so a missing one is no error.
+  // Callers ask for optional arrays by name, so a missing one is not an error.
   if (zip_stat(archive, (name + kExtension).c_str(), 0, &stat) != 0) {
     return std::nullopt;
   }

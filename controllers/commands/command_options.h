@@ -27,7 +27,7 @@ class CommandOptions {
     std::vector<std::string> choices;
     std::function<Value()> get;
     // Throws std::runtime_error, naming the option, for a value of another type
-    // than that of get(), for NaN, and for what is no choice.
+    // than that of get(), for NaN, and for texts beside the choices.
     std::function<void(const Value&)> set;
   };
 

@@ -1,6 +1,7 @@
 #include "colmap_ext/model/model_io.h"
 #include "controllers/commands/command_options.h"
 #include "controllers/commands/commands.h"
+#include "controllers/mapper_report.h"
 #include "controllers/output_folder.h"
 #include "controllers/report/report_page.h"
 
@@ -50,9 +51,9 @@ int RunModelReporter(int argc, char** argv) {
   if (const auto code = options.Parse(argc, argv)) return *code;
 
   input.title = FolderName(input_path);
-  input.report_path = FileIfThere(fs::path(input_path) / "report.json");
+  input.report_path = FileIfThere(fs::path(input_path) / kReportFile);
   input.model_folders = ModelsAt(input_path, !input.report_path.empty());
-  input.project_path = FileIfThere(fs::path(input_path) / "project.ini");
+  input.project_path = FileIfThere(fs::path(input_path) / kProjectFile);
   WriteReportPage(input, output_path);
   AddToRun(output_path);
   std::cout << "Report page: " << output_path << std::endl;

@@ -33,8 +33,8 @@ struct MapperResults {
   nlohmann::ordered_json options = nlohmann::ordered_json::array();
 };
 
-// Without a file where a path is empty. Throws std::runtime_error naming the
-// file that cannot be read or is no such file.
+// Results without those of a file whose path is empty. Throws
+// std::runtime_error naming a file that cannot be read or has another format.
 MapperResults ReadMapperResults(const std::string& report_path,
                                 const std::string& project_path);
 

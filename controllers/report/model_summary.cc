@@ -25,7 +25,9 @@ double ReprojectionError(const colmap::Camera& camera,
   return std::isnan(error) ? std::numeric_limits<double>::infinity() : error;
 }
 
-double Median(std::vector<double> values) {
+// The upper of two middle values, so that an infinite error beside it does not
+// count; 0 without values.
+double UpperMedian(std::vector<double> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
@@ -80,7 +82,7 @@ class Summarizer {
       ++summary_.error_histogram[size_t(
           std::min<double>(error / kErrorStepPx, kNumErrorSteps))];
     }
-    summary_.median_error_px = Median(std::move(errors));
+    summary_.median_error_px = UpperMedian(std::move(errors));
     return std::move(summary_);
   }
 
@@ -119,7 +121,7 @@ class Summarizer {
     summary.cam_from_world = image.cam_from_world;
     summary.num_points = errors.size();
     summary.coverage = double(cells.count()) / cells.size();
-    summary.median_error_px = Median(errors);
+    summary.median_error_px = UpperMedian(errors);
     return errors;
   }
 

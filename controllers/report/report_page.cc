@@ -7,6 +7,7 @@
 #include "controllers/report/model_summary.h"
 #include "controllers/report/page_template.h"
 #include "controllers/report/thumbnails.h"
+#include "estimators/optimization/ray_intersection.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -28,19 +29,15 @@ constexpr size_t kMaxThumbnailBytes = 5000000;
 // the indices that the page has for them.
 using ImageIndices = std::map<std::string, uint32_t>;
 
-// The median of the coordinates, so that 32 bits are exact enough.
+// The middle of the cameras, relative to which coordinates of 32 bits are exact
+// enough.
 Eigen::Vector3d MiddleOf(const ModelSummary& model) {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (int axis = 0; axis < 3 && !model.images.empty(); ++axis) {
-    std::vector<double> values;
-    for (const auto& [name, image] : model.images) {
-      values.push_back(image.cam_from_world.TargetOriginInSource()(axis));
-    }
-    std::nth_element(
-        values.begin(), values.begin() + values.size() / 2, values.end());
-    middle(axis) = values[values.size() / 2];
+  std::vector<Eigen::Vector3d> centers;
+  for (const auto& [name, image] : model.images) {
+    centers.push_back(image.cam_from_world.TargetOriginInSource());
   }
-  return middle;
+  if (centers.empty()) return Eigen::Vector3d::Zero();
+  return ComponentwiseMedian(centers);
 }
 
 Json PointEntries(const ModelSummary& model,

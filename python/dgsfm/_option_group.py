@@ -11,7 +11,8 @@ class OptionGroup:
 
     # Groups of the command line by their fields.
     _GROUPS: ClassVar[dict] = {}
-    # The group that is no field of its own, and the fields that are of it.
+    # The group that has no field, as its options are fields of the class itself,
+    # and the names of these fields.
     _OWN_GROUP: ClassVar[str] = ""
     _OWN_FIELDS: ClassVar[set] = set()
 

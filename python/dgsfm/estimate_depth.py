@@ -181,11 +181,11 @@ class Metric3d(TorchModel):
     install = "pip install torch mmengine (the rest comes by torch.hub)"
     weights = "metric3d_vit_large"
     origin = "torch.hub, the entry points of github.com/YvanYin/Metric3D"
-    # Of its training: the focal length in pixels that its depth belongs to.
+    # The focal length of its training [px], which its depth belongs to.
     focal_length = 1000
 
     def load(self, weights):
-        # Of its training, too.
+        # That of its training, too.
         self.size = (544, 1216) if "convnext" in weights else (616, 1064)
         self.model = self.torch.hub.load("yvanyin/metric3d", weights, pretrain=True)
         self.model = self.model.to(self.device).eval()

@@ -243,12 +243,8 @@ nb::dict ToPython(const VerificationSummary& summary) {
 }
 
 nb::dict ToPython(const GlobalDepthMapperSummary& summary) {
-  nb::list models;
-  for (const GlobalDepthMapperSummary::Model& model : summary.models) {
-    models.append(model.path);
-  }
   nb::dict result;
-  result["models"] = models;
+  result["models"] = ToList(summary.model_paths);
   return result;
 }
 

@@ -124,16 +124,13 @@ nb::dict MapGlobally(const std::string& database_path,
                      const nb::dict& values,
                      const nb::object& progress) {
   GlobalDepthMapperOptions options;
-  // The preset sets the defaults of the other options.
-  for (int pass = 0; pass < 2; ++pass) {
-    const bool is_paper = options.paper;
-    options = GlobalDepthMapperOptions();
-    options.paper = is_paper;
-    if (is_paper) ApplyPaperPreset(&options);
-    CommandOptions bound("", "");
-    BindOptions(&options, &bound);
-    SetOptions(values, &bound);
-  }
+  SetOverPreset(
+      [&] {
+        CommandOptions bound("", "");
+        BindOptions(&options, &bound);
+        SetOptions(values, &bound);
+      },
+      &options);
   options.verifier.database_path = database_path;
   options.output_path = output_path;
   options.image_path = image_path;
@@ -141,7 +138,7 @@ nb::dict MapGlobally(const std::string& database_path,
   RunWork(
       [&] {
         summary = GlobalDepthMapper(options).Run();
-        if (summary.models.empty()) {
+        if (summary.model_paths.empty()) {
           throw std::runtime_error(summary.FailureText());
         }
       },
