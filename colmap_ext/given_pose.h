@@ -21,7 +21,7 @@ struct GivenPose {
   // An altitude that is not finite is unknown.
   std::optional<Eigen::Vector3d> position;
   PositionCoordinates coordinates = PositionCoordinates::UNDEFINED;
-  // Of x, y, z, or east, north, up [m^2].
+  // Covariance of x, y, z, or of east, north, up [m^2].
   std::optional<Eigen::Matrix3d> covariance;
   // Downwards in the camera frame, of any length; zero = unknown.
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();

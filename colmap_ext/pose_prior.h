@@ -16,7 +16,7 @@ struct PosePrior {
   // unknown.
   Eigen::Vector3d position =
       Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  // Of the position in that frame [m^2].
+  // Covariance of the position in that frame [m^2].
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
   // Whether the source gave the covariance; otherwise it is a guess.
   bool has_covariance = false;

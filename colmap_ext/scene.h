@@ -6,6 +6,7 @@
 #include "colmap_ext/focal_prior.h"
 #include "colmap_ext/formats/image_exif.h"
 #include "colmap_ext/pose_prior.h"
+#include "colmap_ext/rig.h"
 
 #include <colmap/util/alignment.h>
 
@@ -52,6 +53,8 @@ struct Scene {
   std::map<colmap::camera_t, ImageExif> exif;
   // Focal lengths in the database that are EXIF data, see SortPriors.
   std::map<colmap::camera_t, FocalPrior> focal_priors;
+  // Images that move together.
+  RigScene rigs;
   // Positions and gravity of the images that have them, see LoadPosePriors.
   PosePriors pose_priors;
 };

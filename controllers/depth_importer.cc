@@ -50,12 +50,28 @@ void AddFile(const std::string& path, FnvHash* hash) {
                 fs::last_write_time(path, error).time_since_epoch().count()});
 }
 
+void AddArrays(const ArrayReader& arrays, FnvHash* hash) try {
+  for (const char* name : kDepthArrayNames) {
+    const auto array = arrays(name);
+    hash->Add(array.has_value());
+    if (!array) continue;
+    hash->AddAll(array->shape);
+    hash->AddAll(array->values);
+  }
+} catch (const std::runtime_error&) {
+  // The import of the image fails with the reason.
+}
+
 // Hash of all that the depth of an image depends on, its key points excepted.
 uint64_t SourceFingerprint(const DepthFile& file,
                            const colmap::Camera& camera,
                            const DepthImportOptions& options) {
   FnvHash hash;
-  AddFile(file.path, &hash);
+  if (file.arrays) {
+    AddArrays(file.arrays, &hash);
+  } else {
+    AddFile(file.path, &hash);
+  }
   hash.AddAll(file.group);
   AddFile(file.confidence_path, &hash);
   hash.Add(file.orientation);
@@ -227,10 +243,49 @@ double Percentage(size_t part, size_t whole) {
   return whole == 0 ? 0 : 100.0 * part / whole;
 }
 
+DepthImportSummary Import(const Scene& scene,
+                          const std::string& database_path,
+                          DepthFileSearch search,
+                          const DepthImportOptions& options) {
+  if (!options.displayed_image_path.empty()) {
+    ReadOrientations(
+        scene, options.displayed_image_path, &search.file_of_image);
+  }
+  DepthDatabase database(database_path, DepthDatabase::Mode::READ_WRITE);
+  const auto known = database.ReadSourceFingerprints();
+  DepthImportSummary summary;
+  summary.files_without_image = std::move(search.files_without_image);
+  std::vector<std::pair<colmap::image_t, DepthFile>> files;
+  for (const auto& [image_id, image] : scene.images) {
+    const auto file = search.file_of_image.find(image_id);
+    const auto known_fingerprint = known.find(image_id);
+    if (file == search.file_of_image.end()) {
+      summary.images_without_depth.push_back(image.Name());
+      if (known_fingerprint != known.end()) ++summary.num_kept;
+    } else if (!options.overwrite && known_fingerprint != known.end() &&
+               known_fingerprint->second ==
+                   SourceFingerprint(file->second,
+                                     scene.cameras.at(image.CameraId()),
+                                     options)) {
+      ++summary.num_unchanged;
+    } else {
+      files.emplace_back(*file);
+    }
+  }
+  FileImport(scene, options, database_path, &database).Run(files, &summary);
+  return summary;
+}
+
 }  // namespace
 
 bool DepthImportOptions::IsValid(std::string* error) const {
   return reading.IsValid(error) && sampling.IsValid(error);
+}
+
+std::string DepthImportSummary::FailureText() const {
+  return std::to_string(failed.size()) +
+         " depth maps could not be imported, the first: " +
+         failed.front().reason;
 }
 
 std::string DepthImportSummary::ToText() const {
@@ -298,7 +353,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const DepthImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadSceneWithoutFeatures(database_path);
+  const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
   DepthFileSearch search =
       FindDepthFiles(scene, depth_path, options.confidence_path);
   if (search.file_of_image.empty()) {
@@ -306,34 +361,41 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
         "no depth map in " + depth_path + " is named after one of the " +
         std::to_string(scene.images.size()) + " images of " + database_path);
   }
-  if (!options.displayed_image_path.empty()) {
-    ReadOrientations(
-        scene, options.displayed_image_path, &search.file_of_image);
-  }
+  return Import(scene, database_path, std::move(search), options);
+}
 
-  DepthDatabase database(database_path, DepthDatabase::Mode::READ_WRITE);
-  const auto known = database.ReadSourceFingerprints();
-  DepthImportSummary summary;
-  summary.files_without_image = std::move(search.files_without_image);
-  std::vector<std::pair<colmap::image_t, DepthFile>> files;
+DepthImportSummary ImportDepthMaps(
+    const std::string& database_path,
+    const std::map<std::string, DepthFile>& depth_of_image,
+    const DepthImportOptions& options) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
+  if (!options.confidence_path.empty()) {
+    throw std::runtime_error(
+        "confidence_path goes with a folder of depth maps, not with maps by "
+        "the names of images");
+  }
+  DepthFileSearch search;
+  std::map<std::string, colmap::image_t> image_ids;
   for (const auto& [image_id, image] : scene.images) {
-    const auto file = search.file_of_image.find(image_id);
-    const auto known_fingerprint = known.find(image_id);
-    if (file == search.file_of_image.end()) {
-      summary.images_without_depth.push_back(image.Name());
-      if (known_fingerprint != known.end()) ++summary.num_kept;
-    } else if (!options.overwrite && known_fingerprint != known.end() &&
-               known_fingerprint->second ==
-                   SourceFingerprint(file->second,
-                                     scene.cameras.at(image.CameraId()),
-                                     options)) {
-      ++summary.num_unchanged;
+    image_ids[image.Name()] = image_id;
+  }
+  for (const auto& [name, file] : depth_of_image) {
+    const auto image_id = image_ids.find(name);
+    if (image_id == image_ids.end()) {
+      search.files_without_image.push_back(name);
     } else {
-      files.emplace_back(*file);
+      search.file_of_image[image_id->second] = file;
     }
   }
-  FileImport(scene, options, database_path, &database).Run(files, &summary);
-  return summary;
+  if (search.file_of_image.empty()) {
+    throw std::runtime_error(
+        "none of the " + std::to_string(depth_of_image.size()) +
+        " depth maps has the name of one of the " +
+        std::to_string(scene.images.size()) + " images of " + database_path);
+  }
+  return Import(scene, database_path, std::move(search), options);
 }
 
 }  // namespace dgsfm

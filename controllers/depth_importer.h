@@ -7,6 +7,7 @@
 #include "colmap_ext/depth/depth_map_io.h"
 
 #include <cstddef>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,8 @@ struct DepthImportSummary {
   size_t num_kept = 0;
   std::vector<std::string> files_without_image;
 
+  // How many images failed and the first reason; for messages.
+  std::string FailureText() const;
   // One line per image, failure, file without image and image without depth,
   // one of warning if maps look like millimetres; the last line is "imported N
   // of M images, K key points with depth (P %)", where P refers to the key
@@ -92,5 +95,11 @@ struct DepthImportSummary {
 DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const std::string& depth_path,
                                    const DepthImportOptions& options);
+// The same for depth by the names of images, files and arrays in memory, which
+// are the same as those of an earlier import if their numbers are.
+DepthImportSummary ImportDepthMaps(
+    const std::string& database_path,
+    const std::map<std::string, DepthFile>& depth_of_image,
+    const DepthImportOptions& options);
 
 }  // namespace dgsfm

@@ -14,13 +14,14 @@
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
 
-#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
+
+#include <nlohmann/json.hpp>
 
 namespace dgsfm {
 
@@ -53,6 +54,7 @@ void WriteTruth(const fs::path& path,
                 const colmap::Reconstruction& model,
                 const std::map<std::string, double>& depth_scales) {
   std::ostringstream text;
+  // Enough digits to read the same double back.
   text.precision(17);
   for (const auto& [name, scale] : depth_scales) {
     text << name << " " << scale << "\n";
@@ -72,50 +74,6 @@ void WriteObservations(const SyntheticScene& scene, const fs::path& path) {
         depths);
   }
   database.CommitTransaction();
-}
-
-// The true model of the town: cameras and images, no points yet.
-colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options) {
-  colmap::Reconstruction model;
-  const auto cameras = SynthesizeCameras(
-      options.camera, options.num_images, options.random_seed);
-  for (const auto& [camera_id, camera] : cameras) model.AddCamera(camera);
-  const std::vector<Rigid3d> views =
-      CreateTownViews(options.family, options.num_images, options.random_seed);
-  for (int i = 0; i < options.num_images; ++i) {
-    colmap::Image image;
-    image.SetImageId(i + 1);
-    image.SetCameraId(1 + i % cameras.size());
-    char name[32];
-    std::snprintf(name, sizeof(name), "image%04d.jpg", i);
-    image.SetName(name);
-    SetCamFromWorld(views[i], &image);
-    model.AddImage(image);
-    model.RegisterImage(image.ImageId());
-  }
-  return model;
-}
-
-void AddDepthErrors(const DepthNoiseOptions& options,
-                    const colmap::Camera& camera,
-                    double scale,
-                    uint32_t random_seed,
-                    colmap::image_t image_id,
-                    DepthMap* depth_map) {
-  DepthSamples samples;
-  samples.image_size_px = ImageSize(camera);
-  const Eigen::Vector2d pixel_size(
-      samples.image_size_px.x() / depth_map->width,
-      samples.image_size_px.y() / depth_map->height);
-  for (int y = 0; y < depth_map->height; ++y) {
-    for (int x = 0; x < depth_map->width; ++x) {
-      samples.xys_px.push_back(
-          Eigen::Vector2d(x + 0.5, y + 0.5).cwiseProduct(pixel_size));
-    }
-  }
-  samples.depths.assign(depth_map->values.begin(), depth_map->values.end());
-  depth_map->values =
-      SynthesizePriorDepths(options, scale, samples, random_seed, image_id);
 }
 
 void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {
@@ -162,6 +120,29 @@ void WriteOrigin(const fs::path& path) {
   WriteFile(path.string(), text.str());
 }
 
+// COLMAP's rig_config.json.
+void WriteRigConfig(SyntheticRig rig, const fs::path& path) {
+  const std::vector<Rigid3d> cams_from_rig = CamsFromRig(rig);
+  nlohmann::ordered_json cameras;
+  for (size_t i = 0; i < cams_from_rig.size(); ++i) {
+    nlohmann::ordered_json& camera = cameras.emplace_back();
+    camera["image_prefix"] = "cam" + std::to_string(i) + "/";
+    if (i == 0) {
+      camera["ref_sensor"] = true;
+      continue;
+    }
+    const Eigen::Quaterniond& rotation = cams_from_rig[i].rotation;
+    const Eigen::Vector3d& translation = cams_from_rig[i].translation;
+    camera["cam_from_rig_rotation"] = {
+        rotation.w(), rotation.x(), rotation.y(), rotation.z()};
+    camera["cam_from_rig_translation"] = {
+        translation.x(), translation.y(), translation.z()};
+  }
+  nlohmann::ordered_json config = nlohmann::ordered_json::array();
+  config.push_back({{"cameras", std::move(cameras)}});
+  WriteFile(path.string(), JsonText(config, 2) + "\n");
+}
+
 void WriteDatabase(const DepthSceneSynthesizerOptions& options) {
   const fs::path output_path(options.output_path);
   CreateFolder(output_path / "gt");
@@ -171,6 +152,9 @@ void WriteDatabase(const DepthSceneSynthesizerOptions& options) {
   const GivenPoses poses = SynthesizePosePriors(options.positions, scene);
   WritePosePriors(poses, scene, database_path.string());
   if (!poses.empty()) WriteOrigin(output_path / "gt" / "origin.txt");
+  if (options.scene.rig != SyntheticRig::NONE) {
+    WriteRigConfig(options.scene.rig, output_path / "rig_config.json");
+  }
   std::map<std::string, double> depth_scales;
   for (const auto& [image_id, image] : scene.images) {
     if (!image.prior_depths.empty()) {
@@ -308,6 +292,7 @@ void BindPositionOptions(PositionNoiseOptions* positions,
 }
 
 void BindOptions(std::string* family,
+                 std::string* rig,
                  std::string* depth_model,
                  int* random_seed,
                  DepthSceneSynthesizerOptions* options,
@@ -328,6 +313,11 @@ void BindOptions(std::string* family,
       "depth_model",
       depth_model,
       DepthModelNames() + ". Sets defaults of the options depth_...");
+  command_options->Add(
+      "rig",
+      rig,
+      "(database) none, stereo, cube (six images of 90 degrees) or vehicle "
+      "(four cameras): images are those of a rig, as in rig_config.json");
   BindSceneOptions(&options->scene, command_options);
   BindDepthOptions(&options->scene.depth_noise, command_options);
   BindDatabaseOptions(&options->scene, command_options);
@@ -361,6 +351,7 @@ void SynthesizeDepthScene(const DepthSceneSynthesizerOptions& options) {
 int RunDepthSceneSynthesizer(int argc, char** argv) {
   DepthSceneSynthesizerOptions options;
   std::string family = "ring";
+  std::string rig = "none";
   std::string depth_model = "network";
   int random_seed = 0;
   // The family and the depth model, read first, set the defaults of the others.
@@ -376,12 +367,13 @@ int RunDepthSceneSynthesizer(int argc, char** argv) {
         "Writes a synthetic scene with exact truth: images and depth maps, or "
         "a database of observations.");
     BindOptions(
-        &family, &depth_model, &random_seed, &options, &command_options);
+        &family, &rig, &depth_model, &random_seed, &options, &command_options);
     if (const auto exit_code = command_options.Parse(argc, argv)) {
       return *exit_code;
     }
   }
   options.scene.random_seed = static_cast<uint32_t>(random_seed);
+  options.scene.rig = SyntheticRigFromName(rig);
   SynthesizeDepthScene(options);
   std::cout << "Wrote " << options.scene.num_images << " images "
             << (options.database_only ? "as observations in database.db"

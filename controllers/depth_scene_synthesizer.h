@@ -20,7 +20,7 @@ struct DepthSceneSynthesizerOptions {
   // Number of images, family, cameras, depth noise and seed count in both
   // cases, the other fields for databases only.
   SyntheticSceneOptions scene;
-  // Of databases only.
+  // Positions of the images; databases only.
   PositionNoiseOptions positions;
   // Threads that render; -1 is one per core.
   int num_threads = -1;
@@ -32,6 +32,7 @@ struct DepthSceneSynthesizerOptions {
 // - images/*.jpg and depth/<image name>.npy (z-depth, half floats), or with
 //   database_only a COLMAP 3.8 database.db with key points, matches and depth
 //   priors;
+// - rig_config.json, for a database of a rig, in COLMAP's format;
 // - gt/: the true model as text, in metres;
 // - gt/depth_scales.txt: a line "image name, true scale" for each image with
 //   depth; true depth is the scale times the map, but for the depth errors.

@@ -34,6 +34,9 @@ Json GeoreferenceEntry(const Scene& scene,
     entry["scale_by_depth_over_positions"] = georeference.scale_of_depth;
     entry["log_scale_stddev_of_depth"] = georeference.log_scale_stddev_of_depth;
   }
+  if (georeference.scale_of_rigs > 0) {
+    entry["scale_by_rigs_over_positions"] = georeference.scale_of_rigs;
+  }
   if (georeference.part_sizes.size() > 1) {
     entry["parts_without_common_matches"] = georeference.part_sizes;
   }
@@ -59,8 +62,9 @@ void WriteGeoreference(const std::string& path,
   const Eigen::Matrix4d ecef_from_local = frame.EcefFromLocal();
   for (int row = 0; row < 4; ++row) {
     Json values = Json::array();
-    for (int col = 0; col < 4; ++col)
+    for (int col = 0; col < 4; ++col) {
       values.push_back(ecef_from_local(row, col));
+    }
     json["ecef_from_local"].push_back(values);
   }
   json["models"] = Json::array();

@@ -67,6 +67,7 @@ Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   return entries;
 }
 
+// Lists all images, so that a missing one can be found by its name.
 Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   Json entries;
   for (const auto& [image_id, image] : scene.images) {
@@ -128,6 +129,7 @@ void WriteMapperReport(const std::string& path,
          {"points", result.models[i]->NumPoints3D()},
          {"unit", ModelUnitName(result.units[i].unit)},
          {"images_with_depth_scale", result.units[i].num_images},
+         {"depth_scale_median", std::exp(result.units[i].log_scale)},
          {"depth_scale_log_spread", result.units[i].log_spread}});
     if (i < result.georeferences.size() &&
         result.georeferences[i].num_positions > 0) {
@@ -148,6 +150,8 @@ void WriteMapperReport(const std::string& path,
   }
   report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result);
+  // The list of pairs is appended as text: as JSON in memory it would need
+  // many times its size.
   std::string text = JsonText(report, 2);
   text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
   WriteFile(

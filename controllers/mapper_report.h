@@ -11,6 +11,10 @@
 
 namespace dgsfm {
 
+// Files of a run, beside the models.
+constexpr char kReportFile[] = "report.json";
+constexpr char kProjectFile[] = "project.ini";
+
 // `frame` is that of positions of images, if they are geodetic. Throws
 // std::runtime_error if the file cannot be written.
 void WriteMapperReport(const std::string& path,

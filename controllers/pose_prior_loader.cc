@@ -26,7 +26,8 @@ namespace {
 constexpr double kMaxStddev = 1e6;
 // Vertical standard deviation of positions without altitude [m].
 constexpr double kUnknownAltitudeStddev = 1e4;
-// Of the origin of the local frame, so that it is short in texts [deg].
+// The origin of the local frame is rounded to this, so that it is short in
+// texts [deg].
 constexpr double kOriginUnitDeg = 1e-5;
 
 std::optional<PositionCoordinates> ParseCoordinates(const std::string& text) {

@@ -42,7 +42,7 @@ struct DirectionMatch {
 struct PositionAlignmentOptions {
   int num_trials = 500;
   int max_num_iterations = 50;
-  // Of the Cauchy loss [standard deviations].
+  // Scale of the Cauchy loss [standard deviations].
   double loss_scale = 2.0;
   // Errors of an inlier [standard deviations].
   double max_error = 3.5;
@@ -54,12 +54,12 @@ struct PositionAlignment {
   Similarity3d target_from_source;
   // By the covariance of the solution, times the spread where that is above 1.
   double log_scale_stddev = 0;
-  // Of the least certain axis [rad].
+  // Standard deviation about the least certain axis [rad].
   double rotation_stddev_rad = 0;
-  // Of normally distributed errors with the median of those that there are
+  // Spread of normally distributed errors with the median of those found
   // [standard deviations].
   double spread = 0;
-  // Of each match [standard deviations], and whether it agrees.
+  // Error of each match [standard deviations], and whether it agrees.
   std::vector<double> errors;
   std::vector<bool> is_inlier;
   size_t num_inliers = 0;

@@ -40,6 +40,7 @@ std::optional<ComponentRotations> AverageRotationsOf(
       AverageComponentRotations(context.options.averaging,
                                 context.scene,
                                 context.depths,
+                                context.frames,
                                 image_ids,
                                 pairs);
   if (!rotations) {
@@ -81,9 +82,10 @@ void MapComponents(const MappingContext& context,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
-  std::vector<ImageIds> components = ConnectedImages(*pairs);
+  std::vector<ImageIds> components = ConnectedImages(*pairs, context.frames);
   if (!options.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
+    // A copy: parts that are cut off are appended below, which moves the list.
     const ImageIds image_ids = components[i];
     if (image_ids.size() < size_t(options.min_model_size)) {
       SetReason(image_ids,
@@ -122,7 +124,9 @@ void ArrangeModels(const MappingContext& context,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
   auto& models = result->models;
-  if (context.options.georeferencing.join_models) {
+  // Cameras that differ by model would be no sensors of one rig.
+  if (context.options.georeferencing.join_models &&
+      context.scene.rigs.Empty()) {
     const size_t num_models = models.size();
     JoinGeoreferencedModels(
         FirstUnusedCameraId(context.scene), &models, &result->georeferences);
@@ -148,13 +152,21 @@ void ArrangeModels(const MappingContext& context,
   result->georeferences = std::move(georeferences);
 }
 
-void MeasureUnits(const KeypointDepthMap& depths,
+void MeasureUnits(const MappingContext& context,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
-  for (const auto& model : result->models) {
-    const MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
+  for (size_t i = 0; i < result->models.size(); ++i) {
+    const auto& model = result->models[i];
+    MeasuredUnit unit =
+        UnitOfModel(context.depths, result->depth_scales, *model);
+    const bool rigs_fix_scale =
+        !context.options.refine_sensor_from_rig &&
+        HasBaseline(context.frames, model->RegImageIds());
+    const bool is_georeferenced = result->georeferences[i].is_georeferenced;
+    if (rigs_fix_scale) unit.unit = ModelUnit::RIGS;
+    if (is_georeferenced) unit.unit = ModelUnit::METRES;
     result->units.push_back(unit);
-    if (!unit.IsDoubtful()) continue;
+    if (rigs_fix_scale || is_georeferenced || !unit.IsDoubtful()) continue;
     std::ostringstream factor;
     factor << std::setprecision(2) << std::exp(unit.log_spread);
     log->Warn("The scales of the depth maps of a model with " +
@@ -204,19 +216,15 @@ void ExplainMissingImages(const Scene& scene,
 }  // namespace
 
 DepthGlobalMapperResult RunGlobalMapping(
-    const DepthGlobalMapperOptions& given_options,
-    const PairVerificationOptions& given_verification,
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
     const PairScores& pair_scores,
     Scene* scene,
     KeypointDepthMap* depths,
     PairGeometries* pairs) {
   std::string error;
-  DGSFM_CHECK(given_options.IsValid(&error)) << error;
-  DGSFM_CHECK(given_verification.IsValid(&error)) << error;
-  DepthGlobalMapperOptions options = given_options;
-  options.refinement.num_threads = options.num_threads;
-  PairVerificationOptions verification = given_verification;
-  verification.num_threads = options.num_threads;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(verification.IsValid(&error)) << error;
 
   DepthGlobalMapperResult result;
   MappingLog log;
@@ -228,11 +236,12 @@ DepthGlobalMapperResult RunGlobalMapping(
   result.focals =
       AverageFocals(options, verification, *depths, scene, pairs, &log);
   WarnOfPlanes(*scene, *pairs, &log);
+  const FrameMembers frames = MembersOf(scene->rigs);
   const MappingContext context = {
-      options, verification, *scene, *depths, camera_beliefs};
+      options, verification, *scene, *depths, frames, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
   ArrangeModels(context, &result, &log);
-  MeasureUnits(*depths, &result, &log);
+  MeasureUnits(context, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);
   result.stages = std::move(log.stages);
   result.warnings = std::move(log.warnings);

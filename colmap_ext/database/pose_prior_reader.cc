@@ -15,7 +15,7 @@ bool HasColumn(const SqliteConnection& connection,
                const std::string& column) {
   SqliteStatement select(
       connection, "SELECT count(*) FROM pragma_table_info(?) WHERE name = ?");
-  select.BindText(1, table).BindText(2, column);
+  select.Bind(table, column);
   return select.Step() && select.Int(0) > 0;
 }
 

@@ -133,12 +133,12 @@ void WritePosePriors(const GivenPoses& poses,
     const Eigen::Matrix3d covariance = pose.covariance.value_or(unknown);
     const Eigen::Vector3d gravity =
         pose.gravity.isZero(0) ? Eigen::Vector3d(unknown.col(0)) : pose.gravity;
-    row.BindInt(1, image_id)
-        .BindInt(2, scene.images.at(image_id).camera_id)
-        .BindBytes(3, position.data(), sizeof(position))
-        .BindBytes(4, covariance.data(), sizeof(covariance))
-        .BindBytes(5, gravity.data(), sizeof(gravity))
-        .BindInt(6, pose.coordinates == PositionCoordinates::WGS84 ? 0 : 1)
+    row.Bind(image_id,
+             scene.images.at(image_id).camera_id,
+             position,
+             covariance,
+             gravity,
+             pose.coordinates == PositionCoordinates::WGS84 ? 0 : 1)
         .Run();
   }
   transaction.Commit();

@@ -14,7 +14,8 @@ struct PositionNoiseOptions {
   // Whether images have positions.
   bool has_positions = false;
   PositionCoordinates coordinates = PositionCoordinates::WGS84;
-  // Of each coordinate [m]; also the one that the positions have with them.
+  // Standard deviation of each coordinate [m]; also the one that the positions
+  // are written with.
   double stddev_m = 2;
   // Share of images, in [0, 1], whose position is off by outlier_m in a random
   // horizontal direction.

@@ -31,8 +31,16 @@ constexpr double kComponentDistance = 1000;
 
 class Synthesizer {
  public:
-  explicit Synthesizer(const SyntheticSceneOptions& options) {
+  explicit Synthesizer(const SyntheticSceneOptions& options)
+      : cams_from_rig_(CamsFromRig(options.rig)) {
     scene_.options = options;
+    if (options.rig == SyntheticRig::NONE) return;
+    SyntheticCameraOptions& camera = scene_.options.camera;
+    camera.num_cameras = int(cams_from_rig_.size());
+    if (options.rig == SyntheticRig::CUBE) {
+      camera.width_px = camera.height_px;
+      camera.focal_length_px = camera.height_px / 2.0;
+    }
   }
 
   SyntheticScene Run() {
@@ -86,6 +94,7 @@ class Synthesizer {
   void AddDepth();
   DepthSamples TrueDepths(const SyntheticImage& image) const;
 
+  const std::vector<Rigid3d> cams_from_rig_;
   SyntheticScene scene_;
 };
 
@@ -102,7 +111,8 @@ std::vector<Synthesizer::Component> Synthesizer::CreateComponents() const {
          options.component_step_m > 0
              ? Eigen::Vector3d(options.component_step_m * i, 0, 0)
              : Eigen::Vector3d(0, 0, kComponentDistance * i),
-         CreateSceneLayout(options.family, end - begin)});
+         CreateSceneLayout(options.family,
+                           (end - begin) / int(cams_from_rig_.size()))});
   }
   return components;
 }
@@ -112,14 +122,23 @@ void Synthesizer::DrawImages(const Component& component) {
     const int image_idx = component.first_image + i;
     SyntheticImage image;
     image.image_id = image_idx + 1;
-    char name[32];
-    std::snprintf(name, sizeof(name), "image%04d.jpg", image_idx);
+    const int num_cams = int(cams_from_rig_.size());
+    const int cam = image_idx % num_cams;
+    char name[64];
+    if (num_cams == 1) {
+      std::snprintf(name, sizeof(name), "image%04d.jpg", image_idx);
+    } else {
+      std::snprintf(
+          name, sizeof(name), "cam%d/image%04d.jpg", cam, image_idx / num_cams);
+    }
     image.name = name;
     image.camera_id = 1 + image_idx % scene_.cameras.size();
     image.component = component.index;
-    RandomStream random = Random(POSES, image.image_id);
+    // Images of a frame draw the same pose.
+    RandomStream random = Random(POSES, image.image_id - cam);
     image.cam_from_world =
-        DrawPose(*component.layout, i, &random) *
+        cams_from_rig_[cam] *
+        DrawPose(*component.layout, i / num_cams, &random) *
         Rigid3d(Eigen::Quaterniond::Identity(), -component.origin);
     scene_.images.emplace(image.image_id, image);
   }
@@ -235,6 +254,15 @@ bool SyntheticSceneOptions::IsValid(std::string* error) const {
              " must be at most " + std::to_string(kMaxCount);
     return false;
   };
+  const auto check_frames = [&] {
+    const int num_cams = int(CamsFromRig(rig).size());
+    if (num_cams == 1 || num_images % (num_cams * num_components) == 0) {
+      return true;
+    }
+    *error = "num_images = " + std::to_string(num_images) +
+             " must be a multiple of the cameras of the rig and the components";
+    return false;
+  };
   return check_count("num_images", num_images, 1) &&
          check_count("num_points_per_image", num_points_per_image, 1) &&
          check("num_components", num_components, 1) &&
@@ -246,7 +274,7 @@ bool SyntheticSceneOptions::IsValid(std::string* error) const {
          check("max_num_neighbors", max_num_neighbors, 1) &&
          check("min_num_matches", min_num_matches, 1) &&
          check_ratio("outlier_match_ratio", outlier_match_ratio) &&
-         check_ratio("no_depth_ratio", no_depth_ratio) &&
+         check_ratio("no_depth_ratio", no_depth_ratio) && check_frames() &&
          camera.IsValid(error) && depth_noise.IsValid(error);
 }
 

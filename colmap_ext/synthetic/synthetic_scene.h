@@ -9,6 +9,7 @@
 #include "colmap_ext/synthetic/depth_noise.h"
 #include "colmap_ext/synthetic/scene_layout.h"
 #include "colmap_ext/synthetic/synthetic_camera.h"
+#include "colmap_ext/synthetic/synthetic_rig.h"
 
 #include <colmap/util/alignment.h>
 
@@ -31,6 +32,10 @@ struct SyntheticSceneOptions {
   int num_points_per_image = 400;
   SceneFamily family = SceneFamily::RING;
   SyntheticCameraOptions camera;
+  // Images are those of the cameras of a rig, frame by frame, if there is one;
+  // each camera of it then is one of the scene, and those of a cube have square
+  // images of 90 degrees.
+  SyntheticRig rig = SyntheticRig::NONE;
   // Whether databases and Scenes have the true intrinsics with the prior flag.
   // Otherwise they have COLMAP's guess: 1.2 * max(width, height), undistorted.
   bool known_focal_length = true;

@@ -22,7 +22,7 @@ struct CenterPrior {
 
 // How much priors count.
 struct CenterPriorWeight {
-  // Of a deviation by one standard deviation [unit of the other residuals].
+  // What one standard deviation counts as [unit of the other residuals].
   double weight = 0;
   // Scale of the Cauchy loss [standard deviations].
   double loss_scale = 2;
@@ -48,12 +48,13 @@ void LinearizeCenterPrior(const CenterPrior& prior,
                           std::vector<Eigen::Triplet<double>>* hessian,
                           Eigen::VectorXd* gradient);
 
-// The same by the six columns of a pose, which moves by (exp(w) R, t + dt).
-void LinearizeCenterPrior(const CenterPrior& prior,
-                          const CenterPriorWeight& weight,
-                          const Rigid3d& cam_from_world,
-                          const int* columns,
-                          std::vector<Eigen::Triplet<double>>* hessian,
-                          Eigen::VectorXd* gradient);
+// The derivative of the centre of a camera by its pose, which moves by
+// (exp(w) R, t + dt).
+Eigen::Matrix<double, 3, 6> CenterByPose(const Rigid3d& cam_from_world);
+
+// That of a camera of a rig, cam_from_world = cam_from_rig * rig_from_world, by
+// the pose of the rig, and by that of the camera in it.
+Eigen::Matrix<double, 3, 12> CenterByPoses(const Rigid3d& cam_from_rig,
+                                           const Rigid3d& rig_from_world);
 
 }  // namespace dgsfm

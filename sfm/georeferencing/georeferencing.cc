@@ -31,6 +31,10 @@ constexpr double kMinStddevFactor = 0.05;
 // Median error over the extent of the positions at which these contradict the
 // shape of a model.
 constexpr double kMaxErrorShare = 0.3;
+// Factor between the scales by positions and by rigs at which these contradict
+// each other, beyond three standard deviations: models that bend are off by
+// less.
+constexpr double kMaxRigScaleRatio = 1.5;
 
 // Unit of the depth maps in that of the model, by metric maps.
 struct DepthScaleOfModel {
@@ -109,6 +113,30 @@ std::string WhyUnusable(const GeoreferencingOptions& options,
   return "";
 }
 
+// The scale of the positions where rigs fix it: their unit is metres, too.
+std::optional<double> ScaleByRigs(const ModelInProgress& progress) {
+  if (progress.rigs.fix_scale) return 1.0;
+  return std::nullopt;
+}
+
+// Why positions cannot be used for a model whose scale rigs fix, by the
+// alignment with a free scale; empty if they can.
+std::string WhyNotWithRigs(const ModelInProgress& progress,
+                           const std::optional<PositionAlignment>& free) {
+  if (!progress.rigs.fix_scale || !free) return "";
+  const double scale = free->target_from_source.scale;
+  if (std::abs(std::log(scale)) <=
+      std::log(kMaxRigScaleRatio) + 3 * free->log_scale_stddev) {
+    return "";
+  }
+  std::ostringstream text;
+  text << std::setprecision(3)
+       << "the baselines of the rigs would have to be multiplied with " << scale
+       << " to agree with them. Do so, or leave the unit to the positions "
+          "(--DepthGlobalMapper.refine_sensor_from_rig 1)";
+  return text.str();
+}
+
 double SpreadOf(const CenterPriors& priors,
                 const colmap::Reconstruction& model) {
   return SpreadOfErrors(CenterErrors(priors, model));
@@ -156,12 +184,15 @@ bool HasPositions(const PosePriors& priors) {
   });
 }
 
-// A turn that takes the vertical to the z axis.
+// Turns the vertical to the z axis.
 void StandUpright(const MappingContext& context,
                   colmap::Reconstruction* model) {
   const auto up = UpOfModel(
       context.options.georeferencing, context.scene.pose_priors, *model);
-  if (!up) return;
+  if (!up || (!up->is_by_gravity &&
+              !context.options.georeferencing.upright_by_level_cameras)) {
+    return;
+  }
   Similarity3d upright;
   upright.rotation = Eigen::Quaterniond::FromTwoVectors(
       up->in_world, Eigen::Vector3d::UnitZ());
@@ -179,17 +210,21 @@ void WarnOfUnusable(const std::string& reason,
             std::to_string(model.NumRegImages()) + " images: " + reason);
 }
 
-// Puts a model in metres by depth at the positions of its images.
+// Puts a model in metres by depth or by rigs at the positions of its images.
 void PlaceByPositions(const MappingContext& context,
-                      colmap::Reconstruction* model,
+                      ModelInProgress* progress,
                       ModelGeoreference* result,
                       MappingLog* log) {
   const GeoreferencingOptions& options = context.options.georeferencing;
+  colmap::Reconstruction* model = &progress->model;
+  const bool is_by_rigs = progress->rigs.fix_scale;
   const PosePriors& priors = context.scene.pose_priors;
   const auto free = AlignToPositions(options, priors, std::nullopt, *model);
   const auto depth = MeasureDepthScale(context.depths, *model);
-  const std::string reason = WhyUnusable(options, priors, free, *model);
-  if (!depth || !free) {
+  std::string reason = WhyNotWithRigs(*progress, free);
+  const bool contradicts_rigs = !reason.empty();
+  if (!contradicts_rigs) reason = WhyUnusable(options, priors, free, *model);
+  if (!free || contradicts_rigs || !(depth || is_by_rigs)) {
     if (!reason.empty()) WarnOfUnusable(reason, *model, log);
     return;
   }
@@ -197,9 +232,13 @@ void PlaceByPositions(const MappingContext& context,
   if (!placed) return;
   DescribeAlignment(*placed, result);
   result->log_scale_stddev_of_positions = free->log_scale_stddev;
-  result->scale_of_depth = free->target_from_source.scale;
-  result->log_scale_stddev_of_depth = depth->log_stddev;
-  result->scale_source = ScaleSource::DEPTH;
+  if (depth) {
+    result->scale_of_depth =
+        1 / (depth->scale * free->target_from_source.scale);
+    result->log_scale_stddev_of_depth = depth->log_stddev;
+  }
+  result->scale_source = is_by_rigs ? ScaleSource::RIGS : ScaleSource::DEPTH;
+  if (is_by_rigs) result->scale_of_rigs = 1 / free->target_from_source.scale;
   if (!options.georeference) return;
   TransformModel(placed->target_from_source, model);
   result->is_georeferenced = true;
@@ -218,10 +257,21 @@ void UsePositions(const MappingContext& context,
   if (!options.use_positions || !HasPositions(priors)) return;
   StageTimer timer("position_priors");
   colmap::Reconstruction& model = progress->model;
-  const auto alignment = AlignToPositions(options, priors, std::nullopt, model);
-  if (!WhyUnusable(options, priors, alignment, model).empty()) return;
+  const auto free = AlignToPositions(options, priors, std::nullopt, model);
+  if (!WhyNotWithRigs(*progress, free).empty() ||
+      !WhyUnusable(options, priors, free, model).empty()) {
+    return;
+  }
+  const auto alignment =
+      progress->rigs.fix_scale
+          ? AlignToPositions(options, priors, ScaleByRigs(*progress), model)
+          : free;
+  if (!alignment) return;
   const auto depth = MeasureDepthScale(context.depths, model);
-  if (depth && depth->log_stddev < alignment->log_scale_stddev) return;
+  if (depth && !progress->rigs.fix_scale &&
+      depth->log_stddev < alignment->log_scale_stddev) {
+    return;
+  }
 
   TransformModel(alignment->target_from_source, &model);
   progress->positions_from_start = alignment->target_from_source;
@@ -230,10 +280,11 @@ void UsePositions(const MappingContext& context,
   for (int round = 0; round < kMaxNumRounds; ++round) {
     // Where the model is bent, positions are off without being wrong.
     center_priors.loss_scale = options.loss_scale * std::max(1.0, spread);
-    if (!PositionCameras(context.options.refinement,
-                         progress->depth_priors,
+    if (!PositionCameras(context.options.refinement.global_positioning,
+                         context.verification.num_threads,
                          fixed_image,
                          &model,
+                         progress->rigs.frames,
                          center_priors)
              .success) {
       LOG(WARNING) << "Positioning with the positions of the images failed";
@@ -260,16 +311,23 @@ ModelGeoreference FinishFrame(const MappingContext& context,
   const GeoreferencingOptions& options = context.options.georeferencing;
   const PosePriors& priors = context.scene.pose_priors;
   colmap::Reconstruction& model = progress->model;
+  const bool is_by_rigs = progress->rigs.fix_scale;
   if (progress->positions_from_start) {
     // What the positions leave open, such as the turn about a line that they
     // are on, is as the cameras are held.
     const auto alignment =
-        AlignToPositions(options, priors, std::nullopt, model);
+        AlignToPositions(options, priors, ScaleByRigs(*progress), model);
     if (alignment) {
       TransformModel(alignment->target_from_source, &model);
       DescribeAlignment(*alignment, &result);
     }
-    result.scale_source = ScaleSource::POSITIONS;
+    result.scale_source =
+        is_by_rigs ? ScaleSource::RIGS : ScaleSource::POSITIONS;
+    const auto free = AlignToPositions(options, priors, std::nullopt, model);
+    if (free && is_by_rigs) {
+      result.scale_of_rigs = 1 / free->target_from_source.scale;
+      result.log_scale_stddev_of_positions = free->log_scale_stddev;
+    }
     if (const auto depth = MeasureDepthScale(context.depths, model)) {
       result.scale_of_depth = 1 / depth->scale;
       result.log_scale_stddev_of_depth = depth->log_stddev;
@@ -278,13 +336,13 @@ ModelGeoreference FinishFrame(const MappingContext& context,
     MeasureErrors(priors, model, &result);
     if (!options.georeference) {
       TransformModel(progress->positions_from_start->Inverse(), &model);
-      *metric = NormalizeToDepth(context.depths, &model);
+      if (!is_by_rigs) *metric = NormalizeToDepth(context.depths, &model);
     }
   } else {
-    *metric = NormalizeToDepth(context.depths, &model);
+    if (!is_by_rigs) *metric = NormalizeToDepth(context.depths, &model);
     if (options.use_positions && HasPositions(priors) &&
         model.NumRegImages() > 0) {
-      PlaceByPositions(context, &model, &result, log);
+      PlaceByPositions(context, progress, &result, log);
       if (result.is_georeferenced) MeasureErrors(priors, model, &result);
     }
   }

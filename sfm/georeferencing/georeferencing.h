@@ -13,15 +13,15 @@ namespace dgsfm {
 // Brings a positioned model to the frame of the positions of its images and
 // positions it again with these as priors, which stay in
 // progress->center_priors. Does nothing where they do not hold the scale, or
-// hold it worse than metric depth maps.
+// hold it worse than metric depth maps. Rigs that fix the scale keep it.
 void UsePositions(const MappingContext& context,
                   colmap::image_t fixed_image,
                   ModelInProgress* progress,
                   MappingLog* log);
 
 // Gives the finished model its frame and unit: those of the positions; or the
-// unit of the depth maps, and z upwards. `metric` is what the depth maps had to
-// be scaled by, where they were.
+// unit of rigs or depth maps, and z upwards. `metric` is what the depth maps
+// had to be scaled by, where they were.
 ModelGeoreference FinishFrame(const MappingContext& context,
                               ModelInProgress* progress,
                               MetricScale* metric,

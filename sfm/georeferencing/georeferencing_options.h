@@ -20,10 +20,12 @@ struct GeoreferencingOptions {
   // positions.
   bool join_models = true;
   // Whether models without the frame of positions are turned so that their z
-  // axis points up, where their images show where that is.
+  // axis points up, where gravity is known ...
   bool upright = true;
+  // ... or guessed by cameras that are held level.
+  bool upright_by_level_cameras = false;
   UpDirectionOptions up_direction;
-  // Of the Cauchy loss of positions [standard deviations].
+  // Scale of the Cauchy loss of positions [standard deviations].
   double loss_scale = 2.0;
   // Positions that leave the scale of a model less certain than this are not
   // used: they have no extent beyond their errors [log].

@@ -49,6 +49,8 @@ std::string ScaleSourceName(ScaleSource source) {
       return "positions";
     case ScaleSource::DEPTH:
       return "depth";
+    case ScaleSource::RIGS:
+      return "rigs";
   }
   return "unknown";
 }

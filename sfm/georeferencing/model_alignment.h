@@ -19,7 +19,7 @@
 namespace dgsfm {
 
 // What fixes the scale of a model that has positions.
-enum class ScaleSource { NONE, POSITIONS, DEPTH };
+enum class ScaleSource { NONE, POSITIONS, DEPTH, RIGS };
 std::string ScaleSourceName(ScaleSource source);
 
 // How a model lies to the positions of its images.
@@ -33,6 +33,8 @@ struct ModelGeoreference {
   // Scale of the model by depth maps over that by positions, with their
   // standard deviations [1]; 0 if unknown.
   double scale_of_depth = 0;
+  // The same of rigs.
+  double scale_of_rigs = 0;
   double log_scale_stddev_of_depth = 0;
   double log_scale_stddev_of_positions = 0;
   double rotation_stddev_deg = 0;

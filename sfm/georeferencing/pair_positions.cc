@@ -12,7 +12,7 @@ namespace dgsfm {
 
 namespace {
 
-// Distances beyond this tell the unit of the pairs [standard deviations].
+// Distances beyond this show the unit of the pairs [standard deviations].
 constexpr double kMinDistance = 5;
 // Deviations beyond this are not noise [standard deviations].
 constexpr double kMaxDistanceError = 4;

@@ -4,7 +4,7 @@
 #include "sfm/georeferencing/georeferencing.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
-#include "sfm/mapping/model_building.h"
+#include "sfm/mapping/model_completion.h"
 #include "sfm/mapping/split_half.h"
 
 #include <algorithm>
@@ -14,9 +14,6 @@
 namespace dgsfm {
 
 namespace {
-
-// Depth maps are not better than this [log].
-constexpr double kMinDepthStddev = 0.01;
 
 // Why an image whose pairs give it a rotation has no position.
 std::string WhyNotPositioned(colmap::image_t image_id,
@@ -94,6 +91,14 @@ ModelInProgress StartModel(const MappingContext& context,
   progress.final_loss_scale_px =
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
+  progress.rigs.frames = context.frames;
+  if (context.options.refine_sensor_from_rig) {
+    progress.rigs.refined_cameras =
+        CamerasToCalibrate(context.scene.rigs, /*all=*/true);
+  } else {
+    progress.rigs.fix_scale = HasBaseline(context.frames, rotations.image_ids);
+  }
+
   StageTimer timer("initialization");
   const std::vector<colmap::Track> tracks =
       EstablishTracks(index, *pairs, context.options.tracks);
@@ -103,18 +108,13 @@ ModelInProgress StartModel(const MappingContext& context,
                       scales,
                       tracks,
                       context.options.position_initialization,
-                      &progress.model);
+                      context.options.refinement.min_triangulation_angle_deg,
+                      &progress.model,
+                      context.frames);
   timer.Add("tracks", double(tracks.size()))
       .Add("images", double(progress.model.NumRegImages()))
       .Add("points", double(progress.model.NumPoints3D()));
   timer.Finish(&log->stages);
-
-  progress.depth_priors.depths = &context.depths;
-  for (const auto& [image_id, scale] :
-       DepthScalesOfModel(context.depths, progress.model)) {
-    progress.depth_priors.stddevs[image_id] =
-        std::max(scale.log_spread, kMinDepthStddev);
-  }
   return progress;
 }
 
@@ -123,10 +123,10 @@ void FinishModel(const MappingContext& context,
                  ModelInProgress* progress,
                  ComponentResult* result,
                  MappingLog* log) {
-  colmap::Reconstruction* model = &progress->model;
   StageTimer timer("metric_scale");
+  colmap::Reconstruction* model = &progress->model;
   for (const auto& [image_id, reason] :
-       FilterImages(context.options.refinement, model)) {
+       FilterImages(context.options.refinement, progress->rigs.frames, model)) {
     result->unregistered_images[image_id] = reason;
   }
   MetricScale metric;
@@ -145,6 +145,7 @@ void FinishModel(const MappingContext& context,
       .Add("scale_factor", metric.factor)
       .Add("log_scale_spread", metric.log_spread)
       .Add("images_with_scale", double(metric.num_images));
+  if (progress->rigs.fix_scale) timer.Add("scale_by_rigs", 1);
   timer.Finish(&log->stages);
 }
 
@@ -157,7 +158,7 @@ void FinishCameras(const MappingContext& context,
   std::vector<CameraGroup>& groups = progress->beliefs.groups;
   KeepGroupsOf(model, &groups);
   const std::map<colmap::camera_t, colmap::camera_t> final_ids =
-      context.options.share_intrinsics
+      context.options.share_intrinsics && context.scene.rigs.Empty()
           ? FirstOfGroups(groups)
           : JoinedCameraIds(progress->cameras.origins, groups, model);
   for (auto& [camera_id, camera] : SummarizeCameras(
@@ -201,9 +202,13 @@ ComponentResult MapComponent(const MappingContext& context,
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
     }
   }
-  const bool success = RefineModel(context, &progress, log);
+  const bool success = RefineModel(context, &progress, log) &&
+                       CalibrateSensors(context, &progress, log);
   if (success) {
-    CompleteModel(context, &progress, pairs, log);
+    CalibrateCameras(context, &progress, log);
+    CompleteTracks(context, *pairs, &progress, log);
+    JudgePairs(context, model, pairs);
+    HoldImplausibleCameras(context, &progress, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);
     }

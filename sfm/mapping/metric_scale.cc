@@ -65,6 +65,8 @@ std::string ModelUnitName(ModelUnit unit) {
       return "depth_maps";
     case ModelUnit::METRES:
       return "metres";
+    case ModelUnit::RIGS:
+      return "rigs";
   }
   return "unknown";
 }
@@ -87,7 +89,8 @@ MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
   }
   result.num_images = log_scales.size();
   if (log_scales.empty()) return result;
-  result.log_spread = RobustStddev(log_scales, Median(log_scales));
+  result.log_scale = Median(log_scales);
+  result.log_spread = RobustStddev(log_scales, result.log_scale);
   result.unit = 2 * num_metric > log_scales.size() && !result.IsDoubtful()
                     ? ModelUnit::METRES
                     : ModelUnit::DEPTH_MAPS;

@@ -33,6 +33,7 @@ enum class ModelUnit {
   ARBITRARY,   // no depth map fixes its scale
   DEPTH_MAPS,  // the median unit of the maps: relative ones, or too different
   METRES,
+  RIGS,  // that of the distances between the cameras of rigs
 };
 std::string ModelUnitName(ModelUnit unit);
 
@@ -41,6 +42,9 @@ std::string ModelUnitName(ModelUnit unit);
 struct MeasuredUnit {
   ModelUnit unit = ModelUnit::ARBITRARY;
   size_t num_images = 0;
+  // Median of the logarithms of the scales: what rigs or positions, where they
+  // give the unit, differ from the maps by [1].
+  double log_scale = 0;
   // Spread of the logarithms of the scales, 1.4826 x median absolute deviation
   // [1].
   double log_spread = 0;

@@ -102,9 +102,7 @@ TEST_F(DepthImporter, WarnsOfMillimetres) {
 TEST_F(DepthImporter, StoresFocalLengthOfTheDepthModel) {
   const auto add = [&](const std::string& name,
                        const internal::DepthGrid& grid) {
-    const std::vector<uint8_t> bytes = internal::FormatNpyFloat(grid);
-    AddToNpz(
-        depth_path_ + "/b.npz", name, std::string(bytes.begin(), bytes.end()));
+    AddToNpz(depth_path_ + "/b.npz", name, internal::FormatNpyFloat(grid));
   };
   add("depth.npy", {3, 2, std::vector<float>(6, 2)});
   // As MoGe has it, in units of the 30 x 20 image's sides.

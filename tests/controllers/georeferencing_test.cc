@@ -114,6 +114,80 @@ TEST_F(GeoreferencingTest, UnconnectedHalvesBecomeOneModelInMetres) {
   EXPECT_LT(Median(errors), 0.2);
 }
 
+// Positions are those of images, poses those of frames.
+TEST_F(GeoreferencingTest, StereoRigIsAtItsPositions) {
+  Synthesize({"--num_images",
+              "48",
+              "--rig",
+              "stereo",
+              "--gps",
+              "1",
+              "--gps_noise",
+              "0.2",
+              "--gps_outlier_ratio",
+              "0.1",
+              "--gravity",
+              "1"});
+  const std::vector<std::string> with_rig = {"--rig_config_path",
+                                             dir_ + "/scene/rig_config.json"};
+  for (const bool refine : {false, true}) {
+    std::vector<std::string> arguments = with_rig;
+    arguments.insert(
+        arguments.end(),
+        {"--DepthGlobalMapper.refine_sensor_from_rig", refine ? "1" : "0"});
+    ASSERT_EQ(Map(arguments).code, 0);
+    const auto report = Report();
+    ASSERT_EQ(report["models"].size(), 1);
+    EXPECT_EQ(report["models"][0]["images"], 48);
+    const auto& positions = report["models"][0]["positions"];
+    EXPECT_TRUE(positions["georeferenced"]);
+    EXPECT_EQ(positions["scale_source"], refine ? "positions" : "rigs");
+    // The noise of a position is 0.28 m horizontally.
+    EXPECT_LT(positions["median_horizontal_error_m"], 0.5);
+    const auto model = ReadModelImages(dir_ + "/models/0");
+    std::vector<double> baselines;
+    for (const auto& [name, image] : model) {
+      if (name.rfind("cam0", 0) != 0) continue;
+      const auto& other = model.at("cam1" + name.substr(4));
+      baselines.push_back((image.cam_from_world.TargetOriginInSource() -
+                           other.cam_from_world.TargetOriginInSource())
+                              .norm());
+      if (refine) continue;
+      // A fixed rig is rigid.
+      EXPECT_NEAR(baselines.back(), 0.5, 1e-9);
+    }
+    EXPECT_NEAR(Median(baselines), 0.5, 0.02);
+  }
+}
+
+TEST_F(GeoreferencingTest, ModelsStandUprightByGravityAndOnRequestByCameras) {
+  Synthesize(
+      {"--num_images", "12", "--gravity", "1", "--gravity_noise", "0.5"});
+  // Median cosine of the angle between z and what the cameras have upwards.
+  const auto uprightness = [&] {
+    std::vector<double> cosines;
+    for (const auto& [name, image] : ReadModelImages(dir_ + "/models/0")) {
+      cosines.push_back(
+          (image.cam_from_world.rotation * Eigen::Vector3d::UnitZ())
+              .dot(-Eigen::Vector3d::UnitY()));
+    }
+    return Median(cosines);
+  };
+  ASSERT_EQ(Map().code, 0);
+  // Cameras look ahead, a little down.
+  EXPECT_GT(uprightness(), 0.95);
+  const std::string by_gravity = ReadText(dir_ + "/models/0/images.bin");
+  ASSERT_EQ(Map({"--use_pose_priors", "0"}).code, 0);
+  const std::string as_it_is = ReadText(dir_ + "/models/0/images.bin");
+  EXPECT_NE(by_gravity, as_it_is);
+  ASSERT_EQ(Map({"--upright", "0"}).code, 0);
+  EXPECT_EQ(ReadText(dir_ + "/models/0/images.bin"), as_it_is);
+  ASSERT_EQ(
+      Map({"--use_pose_priors", "0", "--upright_by_level_cameras", "1"}).code,
+      0);
+  EXPECT_GT(uprightness(), 0.95);
+}
+
 TEST_F(GeoreferencingTest, InfinitelyUncertainPositionsChangeNothing) {
   Synthesize({"--num_images", "12", "--gps", "1"});
   ASSERT_EQ(Map({"--use_pose_priors", "0"}).code, 0);
@@ -122,7 +196,7 @@ TEST_F(GeoreferencingTest, InfinitelyUncertainPositionsChangeNothing) {
   const std::vector<double> infinite(9,
                                      std::numeric_limits<double>::infinity());
   SqliteStatement(connection, "UPDATE pose_priors SET position_covariance = ?")
-      .BindBlob(1, infinite)
+      .Bind(infinite)
       .Run();
   ASSERT_EQ(Map().code, 0);
   EXPECT_EQ(ReadText(dir_ + "/models/0/images.bin"), without);
@@ -156,11 +230,11 @@ TEST_F(GeoreferencingTest, ReadsPositionsOfAllSources) {
   SqliteStatement(connection,
                   "INSERT INTO pose_priors SELECT image_id, ?, 1, NULL FROM "
                   "images WHERE image_id < 4")
-      .BindBlob(1, std::vector<double>{1, 2, 3})
+      .Bind(std::vector<double>{1, 2, 3})
       .Run();
   SqliteStatement(connection,
                   "UPDATE pose_priors SET position = ? WHERE image_id = 1")
-      .BindBlob(1, std::vector<double>{4, 5, 6})
+      .Bind(std::vector<double>{4, 5, 6})
       .Run();
   EXPECT_FALSE(load({}).frame);
   EXPECT_EQ(load({}).priors.size(), 3);
