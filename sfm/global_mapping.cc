@@ -173,8 +173,8 @@ void MeasureUnits(const MappingContext& context,
               std::to_string(model->NumRegImages()) +
               " images differ by a factor of " + factor.str() +
               " (one standard deviation): its unit is not metres. Check that "
-              "the maps are metric and belong to the images, or scale the "
-              "model by known positions (colmap model_aligner)");
+              "the maps are metric and belong to the images, or give positions "
+              "of the images (--pose_priors_path)");
   }
 }
 

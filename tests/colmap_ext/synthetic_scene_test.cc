@@ -434,5 +434,32 @@ TEST(SyntheticSceneIo, GroundTruthModelHasNoReprojectionError) {
   EXPECT_GT(map.Coverage(), 0.03);
 }
 
+TEST(SyntheticRig, ImagesOfFramesAreRigid) {
+  SyntheticSceneOptions options;
+  options.family = SceneFamily::STREET;
+  options.rig = SyntheticRig::CUBE;
+  options.num_images = 18;
+  options.num_points_per_image = 20;
+  const SyntheticScene scene = SynthesizeScene(options);
+  EXPECT_EQ(scene.cameras.size(), 6);
+  const std::vector<Rigid3d> cams_from_rig = CamsFromRig(options.rig);
+  for (int i = 0; i < 18; ++i) {
+    const SyntheticImage& image = scene.images.at(i + 1);
+    EXPECT_EQ(image.camera_id, 1 + i % 6);
+    const Rigid3d expected =
+        cams_from_rig[i % 6] * scene.images.at(i - i % 6 + 1).cam_from_world;
+    EXPECT_LT(image.cam_from_world.rotation.angularDistance(expected.rotation),
+              1e-9);
+    EXPECT_LT((image.cam_from_world.translation - expected.translation).norm(),
+              1e-9);
+  }
+  EXPECT_EQ(scene.images.at(9).name, "cam2/image0001.jpg");
+  options.num_images = 20;
+  std::string error;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_THROW(SyntheticRigFromName("stereos"), std::runtime_error);
+  EXPECT_EQ(SyntheticRigFromName("vehicle"), SyntheticRig::VEHICLE);
+}
+
 }  // namespace
 }  // namespace dgsfm

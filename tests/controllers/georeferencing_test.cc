@@ -160,6 +160,23 @@ TEST_F(GeoreferencingTest, StereoRigIsAtItsPositions) {
   }
 }
 
+// Baselines in decimetres.
+TEST_F(GeoreferencingTest, NamesRigsInAnotherUnitThanPositions) {
+  Synthesize({"--num_images", "48", "--rig", "stereo", "--gps", "1"});
+  const std::string path = dir_ + "/scene/rig_config.json";
+  auto config = nlohmann::json::parse(std::ifstream(path));
+  config[0]["cameras"][1]["cam_from_rig_translation"][0] = -5;
+  std::ofstream(path) << config;
+  const auto result = Map({"--rig_config_path", path});
+  ASSERT_EQ(result.code, 0);
+  EXPECT_FALSE(Report()["models"][0].contains("positions"));
+  EXPECT_EQ(Report()["models"][0]["unit"], "rigs");
+  EXPECT_NE(result.out.find("the baselines of the rigs would have to be "
+                            "multiplied with 0.1"),
+            std::string::npos)
+      << result.out;
+}
+
 TEST_F(GeoreferencingTest, ModelsStandUprightByGravityAndOnRequestByCameras) {
   Synthesize(
       {"--num_images", "12", "--gravity", "1", "--gravity_noise", "0.5"});

@@ -53,6 +53,10 @@ const STATUSES = {
     label: 'model outlier', color: 'green',
     meaning: 'too few of its matches agree with the finished model',
   },
+  position_outlier: {
+    label: 'position outlier', color: 'slate',
+    meaning: 'its length contradicts the positions that its images were given',
+  },
 };
 
 function statusWords(name) {
@@ -74,7 +78,7 @@ const ADVICE = [
   [/^no valid pair.*(too_few_inliers|too_few_matches|no_geometry)/,
     'Its matches are few or wrong: add images between it and its neighbours, ' +
     'or match with a dense or learned matcher (dense_match_importer).'],
-  [/^no valid pair.*(rotation_outlier|translation_outlier|model_outlier)/,
+  [/^no valid pair.*(rotation|translation|model|position)_outlier/,
     'Its pairs contradict the others, as look-alike places do. Leave it out ' +
     'if it shows another place; otherwise add overlapping images.'],
   [/^no valid pair/,
@@ -109,11 +113,15 @@ function reasonWords(reason) {
 const UNITS = {
   metres: {
     short: 'm', label: 'metres',
-    meaning: 'metric depth maps agree in scale',
+    meaning: 'metric depth maps agree in scale, or positions of images give it',
   },
   depth_maps: {
     short: 'u', label: 'depth-map units',
     meaning: 'the depth maps are relative, or differ too much in scale',
+  },
+  rigs: {
+    short: 'u', label: "unit of the rigs' baselines",
+    meaning: 'known distances between cameras of rigs give the scale',
   },
   arbitrary: {
     short: 'u', label: 'arbitrary',
