@@ -5,6 +5,7 @@
 #include "sfm/verification/static_background.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <glog/logging.h>
@@ -21,11 +22,30 @@ constexpr double kMaxMotion = 3;
 // Share of valid pairs that see one plane beyond which a warning is due.
 constexpr double kMaxPlanarShare = 0.8;
 
+// Relative difference from averaged focal lengths that is no reason to verify a
+// pair again: calibrated ones are not better.
+constexpr double kMaxFocalDifference = 0.01;
+
 // Whether the focal lengths of a pair may be far off: without depth, or where
 // its matches leave them open. The others gain nothing from averaged ones.
 bool LacksFocals(const PairGeometry& pair) {
   return !pair.has_scale || pair.Has(PairDegeneracy::WEAK_FOCAL1) ||
          pair.Has(PairDegeneracy::WEAK_FOCAL2);
+}
+
+// Whether the focal lengths of a pair differ from those of its cameras.
+bool HasOtherFocals(const Scene& scene,
+                    colmap::image_pair_t pair_id,
+                    const PairGeometry& pair) {
+  const auto differs = [&](colmap::image_t image_id, double focal_length_px) {
+    const colmap::Camera& camera =
+        scene.cameras.at(scene.images.at(image_id).CameraId());
+    return !(std::abs(focal_length_px / camera.MeanFocalLength() - 1) <=
+             kMaxFocalDifference);
+  };
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  return differs(image_id1, pair.focal_length1_px) ||
+         differs(image_id2, pair.focal_length2_px);
 }
 
 void VerifyAgain(PairStage stage,
@@ -167,9 +187,13 @@ std::map<colmap::camera_t, CameraFocal> AverageFocals(
   }
   StageTimer reverification("reverification");
   std::vector<colmap::image_pair_t> uncertain;
-  for (const auto& [pair_id, pair] : *pairs) {
-    if (pair.status == PairStatus::VALID && LacksFocals(pair)) {
+  for (auto& [pair_id, pair] : *pairs) {
+    if (pair.status != PairStatus::VALID || !LacksFocals(pair)) continue;
+    if (HasOtherFocals(*scene, pair_id, pair)) {
       uncertain.push_back(pair_id);
+    } else {
+      pair.degeneracies &= ~(uint32_t(PairDegeneracy::WEAK_FOCAL1) |
+                             uint32_t(PairDegeneracy::WEAK_FOCAL2));
     }
   }
   // Averages count as known for this verification alone.
