@@ -107,6 +107,14 @@ ModelInProgress StartModel(const MappingContext& context,
   StageTimer timer("initialization");
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
       EstablishTracks(index, *pairs, context.options.tracks));
+  // The inliers have done their service.
+  for (auto& [pair_id, pair] : *pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (!context.options.skip_match_completion && index.Of(image_id1) >= 0 &&
+        index.Of(image_id2) >= 0) {
+      pair.ReleaseInliers();
+    }
+  }
   *start = [=, &context, &rotations] {
     colmap::Reconstruction model = CreateModel(context, rotations);
     InitializePositions(index,

@@ -170,7 +170,7 @@ AgreeingMatches MatchesThatAgree(const Scene& scene,
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_ids[i]);
     const colmap::Image& image1 = model.Image(image_id1);
     const colmap::Image& image2 = model.Image(image_id2);
-    const colmap::FeatureMatches& matches = scene.matches.at(pair_ids[i]);
+    const colmap::FeatureMatches matches = MatchesOf(scene, pair_ids[i]);
     colmap::FeatureMatches consistent =
         MatchesOnEpipolarLines(FundamentalMatrixOf(model, image1, image2),
                                keypoints.at(image_id1),

@@ -1,5 +1,6 @@
 #include "sfm/view_graph/view_graph_preparation.h"
 
+#include "colmap_ext/parallel.h"
 #include "sfm/intrinsics/prior_trust.h"
 #include "sfm/verification/depth_reliability.h"
 #include "sfm/verification/static_background.h"
@@ -50,18 +51,23 @@ bool HasOtherFocals(const Scene& scene,
 
 void VerifyAgain(PairStage stage,
                  const PairVerificationOptions& verification,
-                 const std::vector<colmap::image_pair_t>& pair_ids,
+                 std::vector<colmap::image_pair_t> pair_ids,
                  const Scene& scene,
                  const KeypointDepthMap& depths,
                  PairGeometries* pairs) {
-  std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
-  for (const colmap::image_pair_t pair_id : pair_ids) {
-    matches[pair_id] = scene.matches.at(pair_id);
-  }
-  for (auto& [pair_id, pair] :
-       VerifyPairs(scene, matches, depths, verification)) {
-    pairs->at(pair_id).Replace(stage, std::move(pair));
-  }
+  // Long pairs first, so that no thread starts one when the others end.
+  std::stable_sort(pair_ids.begin(),
+                   pair_ids.end(),
+                   [&](colmap::image_pair_t a, colmap::image_pair_t b) {
+                     return pairs->at(a).num_matches > pairs->at(b).num_matches;
+                   });
+  ParallelFor(pair_ids.size(), verification.num_threads, [&](size_t i) {
+    const colmap::image_pair_t pair_id = pair_ids[i];
+    pairs->at(pair_id).Replace(
+        stage,
+        VerifyPair(
+            scene, depths, pair_id, MatchesOf(scene, pair_id), verification));
+  });
 }
 
 }  // namespace
@@ -90,7 +96,11 @@ void DropStaticBackground(const DepthGlobalMapperOptions& options,
     if (CountMovingPairs(moving) <= CountMovingPairs(replaced)) continue;
     ++num_groups;
     for (auto& [pair_id, pair] : moving) {
-      scene->matches[pair_id] = std::move(matches.at(pair_id));
+      if (matches.at(pair_id).empty()) {
+        scene->matches.erase(pair_id);
+      } else {
+        scene->matches[pair_id] = std::move(matches.at(pair_id));
+      }
       pairs->at(pair_id).Replace(PairStage::STATIC_BACKGROUND, std::move(pair));
     }
   }
