@@ -1,6 +1,7 @@
 #include "sfm/mapping/component_mapping.h"
 
 #include "colmap_ext/pose_access.h"
+#include "colmap_ext/process_memory.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_completion.h"
@@ -94,6 +95,16 @@ ModelInProgress CreateProgress(const MappingContext& context,
   return progress;
 }
 
+void ReleaseInliers(const ImageIndex& index, PairGeometries* pairs) {
+  for (auto& [pair_id, pair] : *pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (index.Of(image_id1) >= 0 && index.Of(image_id2) >= 0) {
+      pair.ReleaseInliers();
+    }
+  }
+  ReturnFreeMemory();
+}
+
 // A model with first positions, to which `start` returns.
 ModelInProgress StartModel(const MappingContext& context,
                            const ComponentRotations& rotations,
@@ -107,14 +118,7 @@ ModelInProgress StartModel(const MappingContext& context,
   StageTimer timer("initialization");
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
       EstablishTracks(index, *pairs, context.options.tracks));
-  // The inliers have done their service.
-  for (auto& [pair_id, pair] : *pairs) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (!context.options.skip_match_completion && index.Of(image_id1) >= 0 &&
-        index.Of(image_id2) >= 0) {
-      pair.ReleaseInliers();
-    }
-  }
+  if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);
   *start = [=, &context, &rotations] {
     colmap::Reconstruction model = CreateModel(context, rotations);
     InitializePositions(index,
@@ -129,6 +133,7 @@ ModelInProgress StartModel(const MappingContext& context,
     return model;
   };
   progress.model = (*start)();
+  ReturnFreeMemory();
   timer.Add("tracks", double(tracks->size()))
       .Add("images", double(progress.model.NumRegImages()))
       .Add("points", double(progress.model.NumPoints3D()));

@@ -344,8 +344,9 @@ TEST_F(GlobalDepthMapperTest, LeavesTheDatabaseAloneOnDemand) {
 
 TEST_F(GlobalDepthMapperTest, VerifiesPairsOnce) {
   const auto pair_stage = [this] {
-    for (const auto& stage : nlohmann::json::parse(
-             std::ifstream(dir_ + "/models/report.json"))["stages"]) {
+    const auto report =
+        nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+    for (const auto& stage : report["stages"]) {
       if (stage["stage"] == "pair_verification") return stage;
     }
     return nlohmann::json();
