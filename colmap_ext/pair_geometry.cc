@@ -101,6 +101,12 @@ void PairGeometry::Replace(PairStage stage, PairGeometry estimate) {
   Judge(stage, new_status);
 }
 
+void PairGeometry::ReleaseInliers() {
+  num_released_inliers = NumInliers();
+  inlier_matches = {};
+  depth_verified = {};
+}
+
 void PairGeometry::DropScale() {
   has_scale = false;
   scale_1_from_2 = 1;

@@ -105,6 +105,8 @@ struct PairGeometry {
   // filtered.
   colmap::FeatureMatches inlier_matches;
   std::vector<uint8_t> depth_verified;
+  // Number of inlier matches that ReleaseInliers() freed.
+  size_t num_released_inliers = 0;
   // Hash of all that the geometry was computed from, which decides whether it
   // still holds in a later run; 0 if unknown.
   uint64_t fingerprint = 0;
@@ -115,6 +117,11 @@ struct PairGeometry {
   void Set(PairDegeneracy degeneracy) {
     degeneracies |= static_cast<uint32_t>(degeneracy);
   }
+  size_t NumInliers() const {
+    return inlier_matches.size() + num_released_inliers;
+  }
+  // Frees the inlier matches, whose number stays.
+  void ReleaseInliers();
   // Makes it a pair without scale.
   void DropScale();
   // Sets the status, and adds a verdict if that changes it.

@@ -3,6 +3,10 @@
 #include <fstream>
 #include <string>
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 namespace dgsfm {
 
 // Not ru_maxrss, which starts at the memory of the process that forked this.
@@ -14,6 +18,12 @@ double PeakMemoryMb() {
     if (word == "VmHWM:" && status >> kilobytes) return kilobytes / 1024;
   }
   return 0;
+}
+
+void ReturnFreeMemory() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 }  // namespace dgsfm

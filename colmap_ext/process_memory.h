@@ -6,4 +6,8 @@ namespace dgsfm {
 // not report it.
 double PeakMemoryMb();
 
+// Gives freed memory back to the system, where that is possible: that between
+// small objects which stay would not be used for large ones.
+void ReturnFreeMemory();
+
 }  // namespace dgsfm

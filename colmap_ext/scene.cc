@@ -6,6 +6,14 @@
 
 namespace dgsfm {
 
+colmap::FeatureMatches MatchesOf(const Scene& scene,
+                                 colmap::image_pair_t pair_id) {
+  const colmap::FeatureMatches& matches = scene.matches.at(pair_id);
+  return matches.empty() && scene.match_source
+             ? scene.match_source->Read(pair_id)
+             : matches;
+}
+
 std::pair<colmap::image_t, colmap::image_t> ImageIdsOfPair(
     colmap::image_pair_t pair_id) {
   DGSFM_CHECK(pair_id < kMaxNumImages * kMaxNumImages) << pair_id;

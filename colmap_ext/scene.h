@@ -16,6 +16,7 @@
 #include <colmap/util/types.h>
 
 #include <map>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -32,6 +33,14 @@ using CameraMap =
 // images that use all of theirs have no entry.
 using KeptKeypoints = std::map<colmap::image_t, std::vector<colmap::point2D_t>>;
 
+// Reads matches that are not held in memory.
+class MatchSource {
+ public:
+  virtual ~MatchSource() = default;
+  // Callable by several threads.
+  virtual colmap::FeatureMatches Read(colmap::image_pair_t pair_id) const = 0;
+};
+
 // Everything the mapper needs of a COLMAP database, ordered by id.
 struct Scene {
   CameraMap cameras;
@@ -43,8 +52,10 @@ struct Scene {
       Eigen::aligned_allocator<std::pair<const colmap::image_t, colmap::Image>>>
       images;
   // Putative matches of each pair (image_id1 < image_id2 as in the pair id);
-  // where a database has only verified matches, those.
+  // where a database has only verified matches, those. Pairs without are in
+  // match_source, if there is one: see MatchesOf().
   std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
+  std::shared_ptr<const MatchSource> match_source;
   // Where images have more key points than are used, those that Points2D and
   // matches count from.
   KeptKeypoints kept_keypoints;
@@ -58,6 +69,10 @@ struct Scene {
   // Positions and gravity of the images that have them, see LoadPosePriors.
   PosePriors pose_priors;
 };
+
+// Matches of a pair of the scene, in memory or read.
+colmap::FeatureMatches MatchesOf(const Scene& scene,
+                                 colmap::image_pair_t pair_id);
 
 // Image ids are smaller, so that a pair id fits into 64 bits.
 constexpr colmap::image_pair_t kMaxNumImages = 2147483647;

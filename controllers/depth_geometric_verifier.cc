@@ -93,8 +93,8 @@ void BindVerification(PairVerificationOptions* options,
 // Stores finished pairs from time to time: what a run that is broken off loses.
 class CheckpointedPairs {
  public:
-  CheckpointedPairs(double interval_s, DepthDatabase* database)
-      : interval_s_(interval_s), database_(database) {}
+  CheckpointedPairs(double interval_s, const PairStore& store)
+      : interval_s_(interval_s), store_(store) {}
 
   void Add(colmap::image_pair_t pair_id, PairGeometry pair) {
     finished_.emplace(pair_id, std::move(pair));
@@ -105,7 +105,7 @@ class CheckpointedPairs {
   }
 
   void Store() {
-    if (!finished_.empty()) database_->WritePairGeometries(finished_);
+    if (!finished_.empty()) store_(finished_);
     finished_.clear();
     last_stored_ = Clock::now();
   }
@@ -116,7 +116,7 @@ class CheckpointedPairs {
   static constexpr size_t kMaxNumFinished = 1000;
 
   const double interval_s_;
-  DepthDatabase* database_;
+  const PairStore& store_;
   PairGeometries finished_;
   Clock::time_point last_stored_ = Clock::now();
 };
@@ -197,8 +197,9 @@ Scene LoadScene(const DepthGeometricVerifierOptions& options,
   StageTimer timer("load_scene");
   Scene scene =
       max_num_keypoints > 0
-          ? ReadSceneWithFewKeypoints(options.database_path, max_num_keypoints)
-          : ReadScene(options.database_path);
+          ? ReadSceneWithFewKeypoints(
+                options.database_path, max_num_keypoints, SceneContent::PAIRS)
+          : ReadScene(options.database_path, SceneContent::PAIRS);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const size_t num_exif = scene.focal_priors.size();
   size_t num_calibrated = 0;
@@ -230,6 +231,23 @@ DatabasePairVerifier CreatePairVerifier(
                               depths);
 }
 
+void VerifyAndStore(const DepthGeometricVerifierOptions& options,
+                    const DatabasePairVerifier::PairSizes& pairs,
+                    const PairStore& store,
+                    DatabasePairVerifier* verifier) {
+  CheckpointedPairs finished(options.checkpoint_interval_s, store);
+  try {
+    verifier->Verify(pairs,
+                     [&](colmap::image_pair_t pair_id, PairGeometry pair) {
+                       finished.Add(pair_id, std::move(pair));
+                     });
+  } catch (const Cancelled&) {
+    finished.Store();
+    throw;
+  }
+  finished.Store();
+}
+
 VerificationSummary VerifyDatabasePairs(
     const DepthGeometricVerifierOptions& options) {
   CheckOptions(options);
@@ -253,17 +271,11 @@ VerificationSummary VerifyDatabasePairs(
   } else {
     database.DeletePairGeometries(comparison.stale);
   }
-  CheckpointedPairs finished(options.checkpoint_interval_s, &database);
-  try {
-    verifier.Verify(comparison.work,
-                    [&](colmap::image_pair_t pair_id, PairGeometry pair) {
-                      finished.Add(pair_id, std::move(pair));
-                    });
-  } catch (const Cancelled&) {
-    finished.Store();
-    throw;
-  }
-  finished.Store();
+  VerifyAndStore(
+      options,
+      comparison.work,
+      [&](const PairGeometries& pairs) { database.WritePairGeometries(pairs); },
+      &verifier);
   summary.totals = database.ReadPairTotals();
   timer.Add("kept", double(summary.num_kept))
       .Add("deleted", double(summary.num_deleted))

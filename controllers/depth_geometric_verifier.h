@@ -8,6 +8,7 @@
 #include "sfm/stage_report.h"
 #include "sfm/verification/pair_verification.h"
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -48,7 +49,7 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
                             std::vector<StageReport>* stages);
 
 // The scene of the database, with at most about max_num_keypoints matched key
-// points an image; 0 = all.
+// points an image, 0 = all, and without matches and their source.
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
                 int max_num_keypoints,
                 std::vector<StageReport>* stages);
@@ -58,6 +59,16 @@ DatabasePairVerifier CreatePairVerifier(
     const DepthGeometricVerifierOptions& options,
     const Scene& scene,
     const KeypointDepthMap& depths);
+
+// Takes finished pairs.
+using PairStore = std::function<void(const PairGeometries&)>;
+
+// Verifies pairs and stores those that are finished about every
+// checkpoint_interval_s, and if the run is cancelled.
+void VerifyAndStore(const DepthGeometricVerifierOptions& options,
+                    const DatabasePairVerifier::PairSizes& pairs,
+                    const PairStore& store,
+                    DatabasePairVerifier* verifier);
 
 struct VerificationSummary {
   // Over all pairs of the database.

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/keypoint_selection.h"
+#include "colmap_ext/database/match_reader.h"
 #include "colmap_ext/database/rig_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/depth/image_orientation.h"
@@ -19,6 +20,7 @@
 
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -196,6 +198,8 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
+  scene.match_source = std::make_shared<const StoredMatches>(
+      options_.verifier.database_path, scene);
   scene.rigs = LoadRigs(options_, scene);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
@@ -268,18 +272,55 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
                     "options, or by another version of this program: they "
                     "are verified now";
   }
-  verifier.Verify(comparison.work,
-                  [&](colmap::image_pair_t pair_id, PairGeometry pair) {
-                    RestrictInliers(scene.kept_keypoints, pair_id, &pair);
-                    pairs[pair_id] = std::move(pair);
-                  });
-  for (auto& [pair_id, pair] : pairs) {
-    pair.num_matches = scene.matches.at(pair_id).size();
+  const PairStore store =
+      comparison.work.empty() ? PairStore() : OpenPairStore(comparison.stale);
+  VerifyAndStore(
+      options,
+      comparison.work,
+      [&](const PairGeometries& finished) {
+        if (store) store(finished);
+        for (const auto& [pair_id, pair] : finished) {
+          RestrictInliers(
+              scene.kept_keypoints, pair_id, &(pairs[pair_id] = pair));
+        }
+      },
+      &verifier);
+  if (!scene.kept_keypoints.empty()) {
+    for (auto& [pair_id, pair] : pairs) {
+      pair.num_matches = MatchesOf(scene, pair_id).size();
+    }
   }
   timer.Add("kept", double(comparison.holding.size()))
       .Add(CountPairs(pairs))
       .Finish(stages);
   return pairs;
+}
+
+PairStore GlobalDepthMapper::OpenPairStore(
+    const std::vector<colmap::image_pair_t>& stale) const {
+  if (!options_.write_pair_statuses || !options_.verifier.use_depth) return {};
+  const auto warn = [](const std::runtime_error& error) {
+    LOG(WARNING) << "A run that is broken off has to verify its pairs again, "
+                    "as they cannot be stored: "
+                 << error.what();
+  };
+  try {
+    auto database = std::make_shared<DepthDatabase>(
+        options_.verifier.database_path, DepthDatabase::Mode::READ_WRITE);
+    database->DeletePairGeometries(stale);
+    return [database, warn](const PairGeometries& pairs) mutable {
+      if (!database) return;
+      try {
+        database->WritePairGeometries(pairs);
+      } catch (const std::runtime_error& error) {
+        warn(error);
+        database = nullptr;
+      }
+    };
+  } catch (const std::runtime_error& error) {
+    warn(error);
+    return {};
+  }
 }
 
 void GlobalDepthMapper::StageModels(const RunFolder& folder,

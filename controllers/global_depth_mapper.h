@@ -35,10 +35,13 @@ class GlobalDepthMapper {
 
  private:
   // Geometries of all pairs of the scene: stored ones that hold, all others
-  // verified.
+  // verified and stored, so that a run that is broken off goes on from there.
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
                                    std::vector<StageReport>* stages) const;
+  // Replaces stale geometries of the database; empty if it is not to be written
+  // or cannot be.
+  PairStore OpenPairStore(const std::vector<colmap::image_pair_t>& stale) const;
   void StageModels(const RunFolder& folder,
                    const RigScene& rigs,
                    DepthGlobalMapperResult* result);

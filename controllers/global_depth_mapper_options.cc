@@ -284,8 +284,9 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        "dense matches; 0 = all");
   command_options->Add("write_pair_statuses",
                        &options->write_pair_statuses,
-                       "whether the database gets the status of each pair, in "
-                       "its table dgsfm_pair_statuses");
+                       "whether the database gets the pairs as they are "
+                       "verified, from which a run that was broken off goes "
+                       "on, and the status of each in the end");
   command_options->Add("write_html_report",
                        &options->write_html_report,
                        "whether report.html is written, to look at in a "

@@ -34,7 +34,9 @@ struct GlobalDepthMapperOptions {
   // matchers give each pair its own (see ReadSceneWithFewKeypoints); pairs are
   // verified by all their matches all the same. 0 = all.
   int max_num_keypoints_per_image = 10000;
-  // Whether the database gets the status of each pair (dgsfm_pair_statuses).
+  // Whether the database gets the geometry of each pair that is verified
+  // (dgsfm_pair_geometries), from which a run that was broken off goes on, and
+  // in the end the status of each pair (dgsfm_pair_statuses).
   bool write_pair_statuses = true;
   // Whether report.html is written, the report to look at in a browser: 1 yes,
   // 0 no, -1 if there is a folder of images.

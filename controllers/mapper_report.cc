@@ -96,7 +96,7 @@ std::string PairLines(const Scene& scene, const PairGeometries& pairs) {
                   {"image2", scene.images.at(image_id2).Name()},
                   {"status", PairStatusName(pair.status)},
                   {"num_matches", pair.num_matches},
-                  {"num_inliers", pair.inlier_matches.size()}};
+                  {"num_inliers", pair.NumInliers()}};
     for (const PairVerdict& verdict : pair.verdicts) {
       entry["verdicts"].push_back({{"stage", PairStageName(verdict.stage)},
                                    {"status", PairStatusName(verdict.status)}});

@@ -1,6 +1,7 @@
 #include "colmap_ext/database/match_reader.h"
 
 #include "colmap_ext/database/colmap_schema.h"
+#include "colmap_ext/database/keypoint_selection.h"
 
 #include <algorithm>
 #include <set>
@@ -30,6 +31,12 @@ void RemoveDuplicates(colmap::FeatureMatches* matches) {
   // COLMAP writes matches in ascending order: nothing to do, usually.
   if (std::adjacent_find(matches->begin(), matches->end(), is_not_less) ==
       matches->end()) {
+    return;
+  }
+  colmap::FeatureMatches sorted = *matches;
+  std::sort(sorted.begin(), sorted.end(), IsLess);
+  if (std::adjacent_find(sorted.begin(), sorted.end(), is_not_less) ==
+      sorted.end()) {
     return;
   }
   std::set<std::pair<colmap::point2D_t, colmap::point2D_t>> seen;
@@ -122,27 +129,37 @@ colmap::FeatureMatches MatchReader::ReadRow(const SqliteStatement& row) const {
   colmap::FeatureMatches matches(num_rows);
   for (int64_t i = 0; i < num_rows; ++i) {
     matches[i] = colmap::FeatureMatch(data[2 * i], data[2 * i + 1]);
-    CheckIndex(pair, image1, matches[i].point2D_idx1);
-    CheckIndex(pair, image2, matches[i].point2D_idx2);
   }
+  CheckIndices(pair, image1, matches, [](const colmap::FeatureMatch& match) {
+    return match.point2D_idx1;
+  });
+  CheckIndices(pair, image2, matches, [](const colmap::FeatureMatch& match) {
+    return match.point2D_idx2;
+  });
   // Duplicates would count twice as evidence of a geometry.
   RemoveDuplicates(&matches);
   return matches;
 }
 
 // The usual cause is an extraction that was repeated without matching again.
-void MatchReader::CheckIndex(const std::string& pair,
-                             const colmap::Image& image,
-                             colmap::point2D_t point2D_idx) const {
+template <typename Select>
+void MatchReader::CheckIndices(const std::string& pair,
+                               const colmap::Image& image,
+                               const colmap::FeatureMatches& matches,
+                               const Select& select) const {
   const int64_t num_keypoints = NumKeypoints(image);
-  if (point2D_idx < num_keypoints) return;
+  const auto lacking = std::find_if(
+      matches.begin(), matches.end(), [&](const colmap::FeatureMatch& match) {
+        return select(match) >= num_keypoints;
+      });
+  if (lacking == matches.end()) return;
   if (num_keypoints == 0) {
     throw connection_.Error()
         << "image " << image.Name() << " has no key points, but " << pair
         << " has matches; extract and match features again";
   }
   throw connection_.Error()
-      << pair << ": a match refers to key point " << point2D_idx << " of "
+      << pair << ": a match refers to key point " << select(*lacking) << " of "
       << image.Name() << ", which has " << num_keypoints
       << "; match features again";
 }
@@ -150,6 +167,24 @@ void MatchReader::CheckIndex(const std::string& pair,
 int64_t MatchReader::NumKeypoints(const colmap::Image& image) const {
   const auto it = num_keypoints_.find(image.ImageId());
   return it == num_keypoints_.end() ? 0 : it->second;
+}
+
+StoredMatches::StoredMatches(const std::string& database_path,
+                             const Scene& scene)
+    : connection_(database_path, SqliteConnection::Mode::READ_ONLY),
+      scene_(scene),
+      reader_(connection_, scene) {}
+
+colmap::FeatureMatches StoredMatches::Read(colmap::image_pair_t pair_id) const {
+  colmap::FeatureMatches matches;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    matches = reader_.Read(pair_id);
+  }
+  if (!scene_.kept_keypoints.empty()) {
+    RestrictMatches(scene_.kept_keypoints, pair_id, &matches);
+  }
+  return matches;
 }
 
 }  // namespace dgsfm

@@ -7,6 +7,7 @@
 #include "colmap_ext/scene.h"
 
 #include <map>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -35,9 +36,13 @@ class MatchReader {
  private:
   colmap::image_pair_t CheckedPairId(int64_t pair_id) const;
   colmap::FeatureMatches ReadRow(const SqliteStatement& row) const;
-  void CheckIndex(const std::string& pair,
-                  const colmap::Image& image,
-                  colmap::point2D_t point2D_idx) const;
+  // Throws for the first of the matches whose key point, of those `select`ed,
+  // is not there.
+  template <typename Select>
+  void CheckIndices(const std::string& pair,
+                    const colmap::Image& image,
+                    const colmap::FeatureMatches& matches,
+                    const Select& select) const;
   // Number of rows of the blob; 0 without one.
   int64_t NumKeypoints(const colmap::Image& image) const;
 
@@ -46,6 +51,21 @@ class MatchReader {
   std::map<colmap::image_t, int64_t> num_keypoints_;
   SqliteStatement select_putative_;
   SqliteStatement select_verified_;
+};
+
+// The matches of the key points that a scene keeps, read pair by pair from its
+// database. The scene must outlive this and stay where it is.
+class StoredMatches : public MatchSource {
+ public:
+  StoredMatches(const std::string& database_path, const Scene& scene);
+  colmap::FeatureMatches Read(colmap::image_pair_t pair_id) const override;
+
+ private:
+  const SqliteConnection connection_;
+  const Scene& scene_;
+  // A connection serves one thread at a time.
+  mutable std::mutex mutex_;
+  mutable MatchReader reader_;
 };
 
 }  // namespace dgsfm

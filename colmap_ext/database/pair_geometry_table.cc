@@ -132,10 +132,13 @@ PairGeometry PairGeometryCursor::Geometry() const {
   geometry.num_matches = static_cast<size_t>(select_.Int(12));
   geometry.depth_verified = select_.Blob<uint8_t>(15);
   geometry.fingerprint = static_cast<uint64_t>(select_.Int(16));
+  const int64_t num_keypoints1 = select_.Int(19);
+  const int64_t num_keypoints2 = select_.Int(20);
+  geometry.inlier_matches.reserve(num_rows);
   for (size_t i = 0; i < num_rows; ++i) {
     geometry.inlier_matches.emplace_back(matches[2 * i], matches[2 * i + 1]);
-    if (matches[2 * i] >= select_.Int(19) ||
-        matches[2 * i + 1] >= select_.Int(20)) {
+    if (matches[2 * i] >= num_keypoints1 ||
+        matches[2 * i + 1] >= num_keypoints2) {
       fail("its geometry refers to key points that are gone");
     }
   }

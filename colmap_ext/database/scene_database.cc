@@ -99,21 +99,22 @@ class SceneReader {
     CheckIsColmapDatabase(connection_);
     ReadCameras();
     ReadImages();
-    if (content == SceneContent::MATCHES) {
+    if (content >= SceneContent::PAIRS) {
       scene_.kept_keypoints =
           SelectKeypoints(connection_, scene_, max_num_keypoints_);
     }
     if (content != SceneContent::IMAGES) ReadKeypoints();
-    if (content == SceneContent::MATCHES) ReadMatches();
+    if (content >= SceneContent::PAIRS) ReadPairs(content);
     return std::move(scene_);
   }
 
  private:
-  void ReadMatches() {
+  void ReadPairs(SceneContent content) {
     MatchReader reader(connection_, scene_);
     for (const MatchReader::PairSize& pair : reader.ListPairs()) {
-      colmap::FeatureMatches matches = reader.Read(pair.pair_id);
-      if (!scene_.kept_keypoints.empty()) {
+      colmap::FeatureMatches matches;
+      if (content == SceneContent::MATCHES) {
+        matches = reader.Read(pair.pair_id);
         RestrictMatches(scene_.kept_keypoints, pair.pair_id, &matches);
       }
       scene_.matches.emplace_hint(
@@ -271,12 +272,13 @@ Scene ReadScene(const std::string& database_path, SceneContent content) {
 }
 
 Scene ReadSceneWithFewKeypoints(const std::string& database_path,
-                                int max_num_keypoints) {
+                                int max_num_keypoints,
+                                SceneContent content) {
   DGSFM_CHECK(max_num_keypoints > 0) << max_num_keypoints;
   const SqliteConnection connection(database_path,
                                     SqliteConnection::Mode::READ_ONLY);
   return SceneReader(connection, static_cast<size_t>(max_num_keypoints))
-      .Read(SceneContent::MATCHES);
+      .Read(content);
 }
 
 std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,

@@ -13,8 +13,9 @@
 
 namespace dgsfm {
 
-// What is read of a database, each with all before it.
-enum class SceneContent { IMAGES, FEATURES, MATCHES };
+// What is read of a database, each with all before it; PAIRS without their
+// matches.
+enum class SceneContent { IMAGES, FEATURES, PAIRS, MATCHES };
 
 // Loads and validates a scene: indices in range, finite key points, known
 // cameras and camera models, no duplicate matches (duplicates are removed).
@@ -29,7 +30,8 @@ Scene ReadScene(const std::string& database_path,
 // Memory grows with the images and with the matches of one image, not with all
 // matches.
 Scene ReadSceneWithFewKeypoints(const std::string& database_path,
-                                int max_num_keypoints);
+                                int max_num_keypoints,
+                                SceneContent content = SceneContent::MATCHES);
 
 // The key points of one image of the scene [px]; none if it has no row. Throws
 // as ReadScene().

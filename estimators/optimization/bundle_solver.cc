@@ -260,12 +260,14 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     const int num_images = int(bundle_->images.size());
     const int num_points = int(bundle_->points.size());
     auto& observations = bundle_->observations;
-    std::stable_sort(observations.begin(),
-                     observations.end(),
-                     [](const auto& a, const auto& b) {
-                       return std::tie(a.point, a.image) <
-                              std::tie(b.point, b.image);
-                     });
+    const auto is_before = [](const auto& a, const auto& b) {
+      return std::tie(a.point, a.image) < std::tie(b.point, b.image);
+    };
+    if (!std::is_sorted(observations.begin(), observations.end(), is_before)) {
+      std::stable_sort(observations.begin(), observations.end(), is_before);
+    }
+    this->observation_index.cameras.reserve(observations.size());
+    this->observation_index.points.reserve(observations.size());
     this->observation_index.num_cameras = num_images;
     this->observation_index.num_points = num_points;
     for (const BundleObservation& observation : observations) {

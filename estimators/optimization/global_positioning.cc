@@ -83,29 +83,26 @@ std::vector<double> LogDistances(
 
 class PositioningProblem : public PointProblem<3, 3> {
  public:
-  PositioningProblem(const std::vector<PositioningObservation>& all,
+  // The observations are sorted by point and then by camera.
+  PositioningProblem(const std::vector<PositioningObservation>& observations,
                      int fixed_camera,
                      const std::vector<int>& body_of_camera,
                      const PositioningPriors& priors,
                      double loss_scale,
                      std::vector<Eigen::Vector3d>* centers,
                      std::vector<Eigen::Vector3d>* points)
-      : observations_(all),
+      : observations_(observations),
         priors_(priors),
         loss_scale_(loss_scale),
         centers_(*centers),
         points_(*points) {
-    std::stable_sort(observations_.begin(),
-                     observations_.end(),
-                     [](const auto& a, const auto& b) {
-                       return std::tie(a.point, a.camera) <
-                              std::tie(b.point, b.camera);
-                     });
     observation_index.num_cameras = int(centers->size());
     observation_index.num_points = int(points->size());
     std::vector<CameraColumns> body_columns(centers->size(), {-1, -1, -1});
     const int fixed_body =
         fixed_camera == kNoCamera ? kNoCamera : body_of_camera[fixed_camera];
+    observation_index.cameras.reserve(observations_.size());
+    observation_index.points.reserve(observations_.size());
     for (const PositioningObservation& observation : observations_) {
       observation_index.cameras.push_back(observation.camera);
       observation_index.points.push_back(observation.point);
@@ -189,7 +186,7 @@ class PositioningProblem : public PointProblem<3, 3> {
         by_point);
   }
 
-  std::vector<PositioningObservation> observations_;
+  const std::vector<PositioningObservation>& observations_;
   const PositioningPriors& priors_;
   const double loss_scale_;
   std::vector<Eigen::Vector3d>& centers_;
@@ -233,7 +230,7 @@ bool GlobalPositioningOptions::IsValid(std::string* error) const {
 }
 
 GlobalPositioningSummary SolveGlobalPositioning(
-    const std::vector<PositioningObservation>& observations,
+    std::vector<PositioningObservation> observations,
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
@@ -259,6 +256,12 @@ GlobalPositioningSummary SolveGlobalPositioning(
     return summary;
   }
 
+  const auto is_before = [](const auto& a, const auto& b) {
+    return std::tie(a.point, a.camera) < std::tie(b.point, b.camera);
+  };
+  if (!std::is_sorted(observations.begin(), observations.end(), is_before)) {
+    std::stable_sort(observations.begin(), observations.end(), is_before);
+  }
   // Solved about the fixed centre in units of the median distance: neither
   // the place of the world's origin nor its unit then change the damping.
   const std::vector<double> start_log_distances =

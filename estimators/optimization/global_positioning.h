@@ -81,7 +81,7 @@ struct PositioningBodies {
 //
 // The same for any number of threads.
 GlobalPositioningSummary SolveGlobalPositioning(
-    const std::vector<PositioningObservation>& observations,
+    std::vector<PositioningObservation> observations,
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,

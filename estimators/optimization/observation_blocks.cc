@@ -2,22 +2,21 @@
 
 #include "colmap_ext/check.h"
 
+#include <numeric>
 #include <utility>
 
 namespace dgsfm {
 
 ObservationBlocks::ObservationBlocks(const ObservationIndex& observations)
     : observations_(observations) {
-  IndexObservations();
+  IndexPoints();
   IndexBlocks();
-  IndexPairs();
 }
 
-void ObservationBlocks::IndexObservations() {
+void ObservationBlocks::IndexPoints() {
   const size_t num_observations = observations_.cameras.size();
   DGSFM_CHECK(observations_.points.size() == num_observations);
   point_begin_.assign(observations_.num_points + 1, 0);
-  camera_begin_.assign(observations_.num_cameras + 1, 0);
   for (size_t k = 0; k < num_observations; ++k) {
     const std::pair<int, int> key(observations_.points[k],
                                   observations_.cameras[k]);
@@ -25,31 +24,24 @@ void ObservationBlocks::IndexObservations() {
                                          observations_.cameras[k - 1]) <= key)
         << "observation " << k << " is out of order";
     ++point_begin_[key.first + 1];
-    ++camera_begin_[key.second + 1];
   }
-  for (int i = 0; i < observations_.num_points; ++i) {
-    point_begin_[i + 1] += point_begin_[i];
-  }
-  for (int i = 0; i < observations_.num_cameras; ++i) {
-    camera_begin_[i + 1] += camera_begin_[i];
-  }
-  camera_observations_.resize(num_observations);
-  std::vector<int> next = camera_begin_;
-  for (size_t k = 0; k < num_observations; ++k) {
-    camera_observations_[next[observations_.cameras[k]]++] = int(k);
-  }
+  std::partial_sum(
+      point_begin_.begin(), point_begin_.end(), point_begin_.begin());
 }
 
 void ObservationBlocks::IndexBlocks() {
+  const ChunkByCamera by_camera(
+      *this, observations_, 0, observations_.num_points, /*num_ranges=*/1);
+  const int* next = by_camera.Begin(0);
   std::vector<int> last_seen_by(observations_.num_cameras, -1);
   block_begin_.assign(1, 0);
   for (int camera = 0; camera < observations_.num_cameras; ++camera) {
     const size_t begin = block_cameras_.size();
     last_seen_by[camera] = camera;
     block_cameras_.push_back(camera);
-    for (int i = camera_begin_[camera]; i < camera_begin_[camera + 1]; ++i) {
-      const int k = camera_observations_[i];
-      for (int l = k + 1; l < k + NumPairsFrom(k); ++l) {
+    for (; next != by_camera.End(0) && observations_.cameras[*next] == camera;
+         ++next) {
+      for (int l = *next + 1; l < *next + NumPairsFrom(*next); ++l) {
         const int other = observations_.cameras[l];
         if (last_seen_by[other] == camera) continue;
         last_seen_by[other] = camera;
@@ -59,46 +51,38 @@ void ObservationBlocks::IndexBlocks() {
     std::sort(block_cameras_.begin() + begin, block_cameras_.end());
     block_begin_.push_back(block_cameras_.size());
   }
+  block_cameras_.shrink_to_fit();
 }
 
-void ObservationBlocks::IndexPairs() {
-  const int num_observations = int(observations_.cameras.size());
-  pair_begin_.assign(num_observations + 1, 0);
-  for (int k = 0; k < num_observations; ++k) {
-    pair_begin_[k + 1] = pair_begin_[k] + NumPairsFrom(k);
-  }
-  pair_blocks_.resize(pair_begin_.back());
-  std::vector<int> block_of(observations_.num_cameras);
-  for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-    for (size_t block = BlockBegin(camera); block < BlockEnd(camera); ++block) {
-      block_of[block_cameras_[block]] = int(block);
-    }
-    for (int i = camera_begin_[camera]; i < camera_begin_[camera + 1]; ++i) {
-      const int k = camera_observations_[i];
-      for (int j = 0; j < NumPairsFrom(k); ++j) {
-        pair_blocks_[pair_begin_[k] + j] =
-            block_of[observations_.cameras[k + j]];
-      }
-    }
-  }
-}
-
-std::vector<int> ObservationBlocks::CameraRanges(int num_threads) const {
-  const size_t num_ranges = EffectiveNumThreads(num_threads);
-  std::vector<int> begin(1, 0);
+ChunkByCamera::ChunkByCamera(const ObservationBlocks& blocks,
+                             const ObservationIndex& observations,
+                             int first_point,
+                             int last_point,
+                             int num_ranges) {
+  const int first = blocks.PointBegin(first_point);
+  const int last = blocks.PointBegin(last_point);
+  std::vector<int> next(observations.num_cameras + 1, 0);
   size_t num_pairs = 0;
-  for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-    for (int i = camera_begin_[camera]; i < camera_begin_[camera + 1]; ++i) {
-      num_pairs += NumPairsFrom(camera_observations_[i]);
-    }
-    if (num_pairs * num_ranges >= pair_blocks_.size() * begin.size()) {
-      begin.push_back(camera + 1);
-    }
+  for (int k = first; k < last; ++k) {
+    ++next[observations.cameras[k] + 1];
+    num_pairs += size_t(blocks.NumPairsFrom(k));
   }
-  if (begin.back() < observations_.num_cameras) {
-    begin.push_back(observations_.num_cameras);
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  ordered_.resize(last - first);
+  for (int k = first; k < last; ++k) {
+    ordered_[next[observations.cameras[k]]++] = k;
   }
-  return begin;
+  range_begin_.push_back(0);
+  size_t num_seen = 0;
+  for (size_t i = 0; i < ordered_.size(); ++i) {
+    const int camera = observations.cameras[ordered_[i]];
+    if (num_seen * num_ranges >= num_pairs * range_begin_.size() &&
+        camera != observations.cameras[ordered_[i - 1]]) {
+      range_begin_.push_back(i);
+    }
+    num_seen += size_t(blocks.NumPairsFrom(ordered_[i]));
+  }
+  range_begin_.push_back(ordered_.size());
 }
 
 }  // namespace dgsfm

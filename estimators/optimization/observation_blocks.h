@@ -2,8 +2,6 @@
 
 #pragma once
 
-#include "colmap_ext/parallel.h"
-
 #include <algorithm>
 #include <cstddef>
 #include <vector>
@@ -33,47 +31,46 @@ class ObservationBlocks {
   size_t BlockEnd(int camera) const { return block_begin_[camera + 1]; }
   // The second camera of a block.
   int OtherCamera(size_t block) const { return block_cameras_[block]; }
-  bool IsDiagonal(size_t block) const {
-    return std::binary_search(block_begin_.begin(), block_begin_.end(), block);
-  }
 
   // Number of pairs of an observation with itself and those that follow it at
   // its point.
   int NumPairsFrom(int k) const {
     return PointEnd(observations_.points[k]) - k;
   }
-  // The blocks of these pairs.
-  const int* BlocksFrom(int k) const {
-    return pair_blocks_.data() + pair_begin_[k];
-  }
-
-  // Calls function(first, last) for ranges of cameras of about equal work, one
-  // a thread. In a range, observations are best gone through in their order:
-  // their rows are more than caches hold.
-  template <typename Function>
-  void ForCameraRanges(int num_threads, const Function& function) const {
-    const std::vector<int> begin = CameraRanges(num_threads);
-    ParallelFor(begin.size() - 1, num_threads, [&](size_t i) {
-      function(begin[i], begin[i + 1]);
-    });
-  }
 
  private:
-  void IndexObservations();
+  void IndexPoints();
   void IndexBlocks();
-  void IndexPairs();
-  std::vector<int> CameraRanges(int num_threads) const;
 
   const ObservationIndex& observations_;
   std::vector<int> point_begin_;
-  // The observations by camera.
-  std::vector<int> camera_begin_;
-  std::vector<int> camera_observations_;
   std::vector<size_t> block_begin_;
   std::vector<int> block_cameras_;
-  // First entry of each observation in pair_blocks_.
-  std::vector<size_t> pair_begin_;
-  std::vector<int> pair_blocks_;
+};
+
+// The observations of a range of points by camera, in ranges of cameras of
+// about equal work.
+class ChunkByCamera {
+ public:
+  ChunkByCamera(const ObservationBlocks& blocks,
+                const ObservationIndex& observations,
+                int first_point,
+                int last_point,
+                int num_ranges);
+
+  size_t NumRanges() const { return range_begin_.size() - 1; }
+  // Observations of the cameras of a range: those of a camera follow each
+  // other, in their order.
+  const int* Begin(size_t range) const {
+    return ordered_.data() + range_begin_[range];
+  }
+  const int* End(size_t range) const {
+    return ordered_.data() + range_begin_[range + 1];
+  }
+
+ private:
+  std::vector<int> ordered_;
+  std::vector<size_t> range_begin_;
 };
 
 }  // namespace dgsfm

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -23,8 +24,10 @@ namespace dgsfm {
 // Residuals r of size kResidual depend on the up to kCamera parameters of one
 // camera and on one point. Parameters are mapped to columns of the reduced
 // system: cameras may share columns, and a parameter without one (-1) is
-// constant. Results are the same for any number of threads: each sum is formed
-// by one thread in the order of the observations.
+// constant. Rows are computed when they are needed, for some thousand
+// observations at a time, so that caches hold them: all of them would be the
+// largest part of the memory. Results are the same for any number of threads:
+// each sum is formed by one thread in the order of the observations.
 template <int kResidual, int kCamera>
 class PointElimination {
  public:
@@ -35,15 +38,21 @@ class PointElimination {
     Eigen::Matrix<double, kCamera, kResidual> by_camera;
     Eigen::Matrix<double, 3, kResidual> by_point;
   };
+  // Computes the row of an observation; called by several threads.
+  using Linearizer = std::function<void(int observation, Row* row)>;
+  // Is given a point and its rows, and may move the one and renew the others;
+  // called by several threads.
+  using PointVisitor = std::function<void(int point, Row* rows)>;
 
   // The references must outlive this.
   PointElimination(const ObservationIndex& observations,
                    const std::vector<CameraColumns>& camera_columns,
+                   Linearizer linearizer,
                    int num_threads)
       : observations_(observations),
         columns_(camera_columns),
-        num_threads_(num_threads),
-        rows_(observations.cameras.size()),
+        linearizer_(std::move(linearizer)),
+        num_threads_(EffectiveNumThreads(num_threads)),
         point_blocks_(observations.num_points),
         camera_blocks_(observations.num_cameras),
         index_(observations),
@@ -51,57 +60,63 @@ class PointElimination {
     DGSFM_CHECK(columns_.size() == size_t(observations_.num_cameras));
   }
 
-  // To be filled, one an observation.
-  std::vector<Row>& Rows() { return rows_; }
-  const std::vector<Row>& Rows() const { return rows_; }
-
   // The observations of a point are contiguous.
   int PointBegin(int point) const { return index_.PointBegin(point); }
   int PointEnd(int point) const { return index_.PointEnd(point); }
 
   // J^T J and J^T r of a point by its rows.
-  std::pair<Eigen::Matrix3d, Eigen::Vector3d> NormalEquations(int point) const {
+  std::pair<Eigen::Matrix3d, Eigen::Vector3d> NormalEquations(
+      int point, const Row* rows) const {
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    for (int k = PointBegin(point); k < PointEnd(point); ++k) {
-      const Row& row = rows_[k];
-      hessian += row.by_point.lazyProduct(row.by_point.transpose());
-      gradient += row.by_point.lazyProduct(row.residual);
+    for (int i = 0; i < PointEnd(point) - PointBegin(point); ++i) {
+      hessian += rows[i].by_point.lazyProduct(rows[i].by_point.transpose());
+      gradient += rows[i].by_point.lazyProduct(rows[i].residual);
     }
     return {hessian, gradient};
   }
 
-  // Pairs of columns that the reduced system couples.
-  std::vector<std::pair<int, int>> Pattern() const {
-    std::vector<std::pair<int, int>> pattern;
-    ForEachEntry([&](size_t, int, int, int column1, int column2) {
-      pattern.emplace_back(column1, column2);
-    });
-    return pattern;
+  // Calls function(column1, column2) for the pairs of columns that the reduced
+  // system couples, some of them several times.
+  template <typename Function>
+  void ForEachCoupling(const Function& function) const {
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+           ++b) {
+        for (const int column2 : columns_[index_.OtherCamera(b)]) {
+          for (const int column1 : columns_[camera]) {
+            if (column1 >= 0 && column2 >= 0) function(column1, column2);
+          }
+        }
+      }
+    }
   }
 
-  // Looks up where the blocks go; before anything below.
-  void Attach(const ReducedSystem& system) {
-    targets_.assign(blocks_.size() * kCamera * kCamera, -1);
-    doubled_.clear();
-    ForEachEntry([&](size_t block, int i, int j, int column1, int column2) {
-      const size_t source = block * kCamera * kCamera + j * kCamera + i;
-      targets_[source] = system.EntryOf(column1, column2);
-      if (column1 == column2 && !index_.IsDiagonal(block))
-        doubled_.push_back(source);
-    });
-  }
-
-  // Sums up J^T J and J^T r of the rows. Adds the diagonal and the gradient of
-  // the cameras to vectors over columns.
-  void Accumulate(Eigen::VectorXd* diagonal, Eigen::VectorXd* gradient) {
-    ParallelChunks(observations_.num_points, [&](int point) {
-      PointBlock& block = point_blocks_[point];
-      std::tie(block.hessian, block.gradient) = NormalEquations(point);
-    });
-    index_.ForCameraRanges(num_threads_, [this](int first, int last) {
-      AccumulateOf(first, last);
-    });
+  // Sums up J^T J and J^T r of the rows, after a visit of each point. Adds the
+  // diagonal and the gradient of the cameras to vectors over columns.
+  void Accumulate(const PointVisitor& visitor,
+                  Eigen::VectorXd* diagonal,
+                  Eigen::VectorXd* gradient) {
+    for (CameraBlock& block : camera_blocks_) {
+      block.hessian.setZero();
+      block.gradient.setZero();
+    }
+    ForEachChunk(
+        [&](int point, Row* rows) {
+          if (visitor) visitor(point, rows);
+          PointBlock& block = point_blocks_[point];
+          std::tie(block.hessian, block.gradient) =
+              NormalEquations(point, rows);
+        },
+        [&](const int* begin, const int* end) {
+          for (const int* k = begin; k != end; ++k) {
+            const Row& row = RowOf(*k);
+            CameraBlock& block = camera_blocks_[observations_.cameras[*k]];
+            block.hessian +=
+                row.by_camera.lazyProduct(row.by_camera.transpose());
+            block.gradient += row.by_camera.lazyProduct(row.residual);
+          }
+        });
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
       for (int i = 0; i < kCamera; ++i) {
         const int column = columns_[camera][i];
@@ -116,29 +131,25 @@ class PointElimination {
   // themselves; adds the reduced matrix and right side -J^T r to the system.
   // The diagonals of the cameras are not damped.
   void Eliminate(double damping, ReducedSystem* system, Eigen::VectorXd* rhs) {
-    ParallelChunks(observations_.num_points, [&](int point) {
-      PointBlock& block = point_blocks_[point];
-      Eigen::Matrix3d damped = block.hessian;
-      damped.diagonal() += damping * Damped(block.hessian.diagonal());
-      block.inverse = damped.llt().solve(Eigen::Matrix3d::Identity());
-    });
-    index_.ForCameraRanges(num_threads_, [this](int first, int last) {
-      EliminateOf(first, last);
-    });
-    double* values = system->Values();
-    for (size_t block = 0; block < blocks_.size(); ++block) {
-      const double* source = blocks_[block].data();
-      const int64_t* target = &targets_[block * kCamera * kCamera];
-      for (int i = 0; i < kCamera * kCamera; ++i) {
-        if (target[i] >= 0) values[target[i]] += source[i];
-      }
+    for (auto& block : blocks_) block.setZero();
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      CameraBlock& block = camera_blocks_[camera];
+      blocks_[index_.BlockBegin(camera)] = block.hessian;
+      block.rhs = -block.gradient;
     }
-    // Both halves of the matrix meet on its diagonal.
-    for (const size_t source : doubled_) {
-      values[targets_[source]] += blocks_[source / (kCamera * kCamera)]
-                                      .data()[source % (kCamera * kCamera)];
+    ForEachChunk(
+        [&](int point, Row*) {
+          PointBlock& block = point_blocks_[point];
+          Eigen::Matrix3d damped = block.hessian;
+          damped.diagonal() += damping * Damped(block.hessian.diagonal());
+          block.inverse = damped.llt().solve(Eigen::Matrix3d::Identity());
+        },
+        [&](const int* begin, const int* end) { EliminateOf(begin, end); });
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      AddBlocksOf(camera, system);
     }
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      AddSharedColumnsOf(camera, system);
       for (int i = 0; i < kCamera; ++i) {
         const int column = columns_[camera][i];
         if (column >= 0) (*rhs)(column) += camera_blocks_[camera].rhs(i);
@@ -158,11 +169,12 @@ class PointElimination {
       }
     }
     point_steps->resize(observations_.num_points);
-    ParallelChunks(observations_.num_points, [&](int point) {
+    ForPoints(0, observations_.num_points, [&](int point) {
       const PointBlock& block = point_blocks_[point];
       Eigen::Vector3d gradient = block.gradient;
+      Row row;
       for (int k = index_.PointBegin(point); k < index_.PointEnd(point); ++k) {
-        const Row& row = rows_[k];
+        linearizer_(k, &row);
         const Eigen::Matrix<double, kResidual, 1> change =
             row.by_camera.transpose().lazyProduct(
                 camera_steps[observations_.cameras[k]]);
@@ -195,22 +207,15 @@ class PointElimination {
     return diagonal.cwiseMax(kMinDiagonal);
   }
 
-  // Calls function(i) for i in [0, count), on several threads in chunks.
-  template <typename Function>
-  void ParallelChunks(int count, const Function& function) const {
-    const int num_chunks = (count + kChunkSize - 1) / kChunkSize;
-    ParallelFor(num_chunks, num_threads_, [&](size_t chunk) {
-      const int end = std::min<int>(count, (int(chunk) + 1) * kChunkSize);
-      for (int i = int(chunk) * kChunkSize; i < end; ++i) function(i);
-    });
-  }
-
  private:
   using CameraVector = Eigen::Matrix<double, kCamera, 1>;
   using CameraMatrix = Eigen::Matrix<double, kCamera, kCamera>;
 
   static constexpr double kMinDiagonal = 1e-12;
-  static constexpr int kChunkSize = 1000;
+  // Observations whose rows are computed at a time, or those of one point, and
+  // points that a thread goes through at a time.
+  static constexpr int kChunkSize = 16384;
+  static constexpr int kNumPointsPerItem = 100;
 
   struct PointBlock {
     Eigen::Matrix3d hessian;
@@ -222,75 +227,112 @@ class PointElimination {
     CameraVector gradient;
     CameraVector rhs;
   };
-  void AccumulateOf(int first_camera, int last_camera) {
-    for (int camera = first_camera; camera < last_camera; ++camera) {
-      camera_blocks_[camera].hessian.setZero();
-      camera_blocks_[camera].gradient.setZero();
-    }
-    for (size_t k = 0; k < rows_.size(); ++k) {
-      const int camera = observations_.cameras[k];
-      if (camera < first_camera || camera >= last_camera) continue;
-      CameraBlock& block = camera_blocks_[camera];
-      const Row& row = rows_[k];
-      block.hessian += row.by_camera.lazyProduct(row.by_camera.transpose());
-      block.gradient += row.by_camera.lazyProduct(row.residual);
-    }
+
+  const Row& RowOf(int k) const { return rows_[k - first_row_]; }
+
+  template <typename Function>
+  void ForPoints(int first, int last, const Function& function) const {
+    const int num_items =
+        (last - first + kNumPointsPerItem - 1) / kNumPointsPerItem;
+    ParallelFor(num_items, num_threads_, [&](size_t item) {
+      const int begin = first + int(item) * kNumPointsPerItem;
+      const int end = std::min(last, begin + kNumPointsPerItem);
+      for (int point = begin; point < end; ++point) function(point);
+    });
   }
 
-  // Calls function(block, i, j, column_i, column_j) for the entries of all
-  // blocks that count: of those on the diagonal one half.
-  template <typename Function>
-  void ForEachEntry(const Function& function) const {
-    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
-           ++b) {
-        const int other = index_.OtherCamera(b);
-        for (int j = 0; j < kCamera; ++j) {
-          const int num_rows = other == camera ? j + 1 : kCamera;
-          for (int i = 0; i < num_rows; ++i) {
-            const int column1 = columns_[camera][i];
-            const int column2 = columns_[other][j];
-            if (column1 >= 0 && column2 >= 0) {
-              function(b, i, j, column1, column2);
-            }
-          }
-        }
+  // Goes through the points chunk by chunk: computes the rows of a chunk, calls
+  // visit(point, rows) for its points, and then reduce(begin, end) for lists of
+  // its observations, those of one camera in one list and in their order.
+  template <typename Visit, typename Reduce>
+  void ForEachChunk(const Visit& visit, const Reduce& reduce) {
+    for (int first = 0; first < observations_.num_points;) {
+      first_row_ = PointBegin(first);
+      int last = first + 1;
+      while (last < observations_.num_points &&
+             PointEnd(last) - first_row_ <= kChunkSize) {
+        ++last;
       }
+      if (rows_.size() < size_t(PointBegin(last) - first_row_)) {
+        rows_.resize(PointBegin(last) - first_row_);
+      }
+      ForPoints(first, last, [&](int point) {
+        Row* rows = &rows_[PointBegin(point) - first_row_];
+        for (int k = PointBegin(point); k < PointEnd(point); ++k) {
+          linearizer_(k, &rows[k - PointBegin(point)]);
+        }
+        visit(point, rows);
+      });
+      const ChunkByCamera by_camera(
+          index_, observations_, first, last, num_threads_);
+      ParallelFor(by_camera.NumRanges(), num_threads_, [&](size_t range) {
+        reduce(by_camera.Begin(range), by_camera.End(range));
+      });
+      first = last;
     }
   }
 
   // The blocks of cameras and their part of the right side.
-  void EliminateOf(int first_camera, int last_camera) {
-    for (int camera = first_camera; camera < last_camera; ++camera) {
-      const size_t begin = index_.BlockBegin(camera);
-      for (size_t b = begin; b < index_.BlockEnd(camera); ++b) {
-        blocks_[b].setZero();
-      }
-      blocks_[begin] = camera_blocks_[camera].hessian;
-      camera_blocks_[camera].rhs = -camera_blocks_[camera].gradient;
-    }
-    for (int k = 0; k < int(rows_.size()); ++k) {
+  void EliminateOf(const int* begin, const int* end) {
+    std::vector<CameraMatrix*> blocks(observations_.num_cameras);
+    int last_camera = -1;
+    for (const int* next = begin; next != end; ++next) {
+      const int k = *next;
       const int camera = observations_.cameras[k];
-      if (camera < first_camera || camera >= last_camera) continue;
-      const Row& row = rows_[k];
+      if (camera != last_camera) {
+        for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+             ++b) {
+          blocks[index_.OtherCamera(b)] = &blocks_[b];
+        }
+        last_camera = camera;
+      }
+      const Row& row = RowOf(k);
       const PointBlock& point_block = point_blocks_[observations_.points[k]];
       const Eigen::Matrix<double, kResidual, 3> projected =
           row.by_point.transpose().lazyProduct(point_block.inverse);
       const Eigen::Matrix<double, kResidual, 1> shift =
           projected.lazyProduct(point_block.gradient);
       camera_blocks_[camera].rhs += row.by_camera.lazyProduct(shift);
-      const int* pair_blocks = index_.BlocksFrom(k);
       for (int i = 0; i < index_.NumPairsFrom(k); ++i) {
-        const Row& other_row = rows_[k + i];
+        const int other_camera = observations_.cameras[k + i];
+        const Row& other_row = RowOf(k + i);
         const Eigen::Matrix<double, kResidual, kResidual> core =
             projected.lazyProduct(other_row.by_point);
         const Eigen::Matrix<double, kCamera, kResidual> right =
             other_row.by_camera.lazyProduct(core.transpose());
-        CameraMatrix& block = blocks_[pair_blocks[i]];
+        CameraMatrix& block = *blocks[other_camera];
         block -= row.by_camera.lazyProduct(right.transpose());
         // Twice in the track of one point.
-        if (i > 0 && observations_.cameras[k + i] == camera) {
+        if (i > 0 && other_camera == camera) {
           block -= right.lazyProduct(row.by_camera.transpose());
+        }
+      }
+    }
+  }
+
+  // Blocks on the diagonal count with one half.
+  void AddBlocksOf(int camera, ReducedSystem* system) const {
+    for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+         ++b) {
+      const int other = index_.OtherCamera(b);
+      system->AddBlock(columns_[camera].data(),
+                       columns_[other].data(),
+                       kCamera,
+                       camera == other,
+                       blocks_[b].data());
+    }
+  }
+
+  // Both halves of the matrix meet on its diagonal.
+  void AddSharedColumnsOf(int camera, ReducedSystem* system) const {
+    for (size_t b = index_.BlockBegin(camera) + 1; b < index_.BlockEnd(camera);
+         ++b) {
+      const CameraColumns& others = columns_[index_.OtherCamera(b)];
+      for (int j = 0; j < kCamera; ++j) {
+        for (int i = 0; i < kCamera; ++i) {
+          const int column = columns_[camera][i];
+          if (column < 0 || column != others[j]) continue;
+          system->Values()[system->EntryOf(column, column)] += blocks_[b](i, j);
         }
       }
     }
@@ -298,15 +340,15 @@ class PointElimination {
 
   const ObservationIndex& observations_;
   const std::vector<CameraColumns>& columns_;
+  const Linearizer linearizer_;
   const int num_threads_;
+  // Those of a chunk, from that of one observation on.
   std::vector<Row> rows_;
+  int first_row_ = 0;
   std::vector<PointBlock> point_blocks_;
   std::vector<CameraBlock> camera_blocks_;
   const ObservationBlocks index_;
   std::vector<CameraMatrix> blocks_;
-  // Entry of the reduced system of each entry of the blocks, or -1.
-  std::vector<int64_t> targets_;
-  std::vector<size_t> doubled_;
 };
 
 }  // namespace dgsfm

@@ -78,17 +78,20 @@ template <int kResidual, int kCamera>
 class PointMinimizer {
  public:
   using Problem = PointProblem<kResidual, kCamera>;
+  using Row = typename Problem::Row;
 
   PointMinimizer(const PointMinimizerOptions& options, Problem* problem)
       : options_(options),
         problem_(problem),
-        elimination_(problem->observation_index,
-                     problem->camera_columns,
-                     options.num_threads),
+        elimination_(
+            problem->observation_index,
+            problem->camera_columns,
+            [problem](int k, Row* row) { problem->Linearize(k, row); },
+            options.num_threads),
         system_(
-            problem->num_columns, Pattern(), options.max_num_factor_entries) {
-    elimination_.Attach(system_);
-  }
+            problem->num_columns,
+            [this](const auto& couple) { AddCouplings(couple); },
+            options.max_num_factor_entries) {}
 
   PointMinimizerSummary Run() {
     PointMinimizerSummary summary;
@@ -139,13 +142,12 @@ class PointMinimizer {
   static constexpr double kPointShare = 0.01;
   static constexpr int kMaxNumPointIterations = 10;
 
-  std::vector<std::pair<int, int>> Pattern() {
-    std::vector<std::pair<int, int>> pattern = elimination_.Pattern();
+  void AddCouplings(const ReducedSystem::Coupling& couple) {
+    elimination_.ForEachCoupling(couple);
+    terms_.clear();
     terms_gradient_.setZero(problem_->num_columns);
     problem_->LinearizeTerms(&terms_, &terms_gradient_);
-    for (const auto& term : terms_)
-      pattern.emplace_back(term.col(), term.row());
-    return pattern;
+    for (const auto& term : terms_) couple(term.col(), term.row());
   }
 
   double Cost() const {
@@ -166,20 +168,18 @@ class PointMinimizer {
   // Those that promise a lower cost by themselves go on at once, with the
   // cameras held. Returns the decrease of the cost.
   double LinearizeAndRefinePoints(double cost) {
-    auto& rows = elimination_.Rows();
-    elimination_.ParallelChunks(
-        int(rows.size()), [&](int k) { problem_->Linearize(k, &rows[k]); });
     const double min_decrease =
         kPointShare * options_.function_tolerance * cost;
     std::vector<double> decreases(problem_->observation_index.num_points, 0);
-    if (options_.refine_points) {
-      elimination_.ParallelChunks(int(decreases.size()), [&](int point) {
-        decreases[point] = RefinePoint(point, min_decrease);
-      });
-    }
     diagonal_.setZero(problem_->num_columns);
     gradient_.setZero(problem_->num_columns);
-    elimination_.Accumulate(&diagonal_, &gradient_);
+    elimination_.Accumulate(
+        [&](int point, Row* rows) {
+          if (!options_.refine_points) return;
+          decreases[point] = RefinePoint(point, min_decrease, rows);
+        },
+        &diagonal_,
+        &gradient_);
     terms_.clear();
     terms_gradient_.setZero(problem_->num_columns);
     problem_->LinearizeTerms(&terms_, &terms_gradient_);
@@ -190,12 +190,13 @@ class PointMinimizer {
     return std::accumulate(decreases.begin(), decreases.end(), 0.0);
   }
 
-  double RefinePoint(int point, double min_decrease) {
+  double RefinePoint(int point, double min_decrease, Row* rows) {
     double total = 0;
     double cost = -1;
     double damping = kInitialDamping;
     for (int i = 0; i < kMaxNumPointIterations; ++i) {
-      const auto [hessian, gradient] = elimination_.NormalEquations(point);
+      const auto [hessian, gradient] =
+          elimination_.NormalEquations(point, rows);
       Eigen::Matrix3d damped = hessian;
       damped.diagonal() +=
           damping * Problem::Elimination::Damped(hessian.diagonal());
@@ -216,7 +217,7 @@ class PointMinimizer {
       for (int k = elimination_.PointBegin(point);
            k < elimination_.PointEnd(point);
            ++k) {
-        problem_->Linearize(k, &elimination_.Rows()[k]);
+        problem_->Linearize(k, &rows[k - elimination_.PointBegin(point)]);
       }
     }
     return total;

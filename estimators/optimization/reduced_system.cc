@@ -1,6 +1,9 @@
 #include "estimators/optimization/reduced_system.h"
 
 #include <algorithm>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
 
 #include <Eigen/Cholesky>
 #include <Eigen/IterativeLinearSolvers>
@@ -19,32 +22,45 @@ constexpr double kConjugateGradientTolerance = 1e-6;
 // The sparse lower triangle of a pattern, all zero.
 template <typename SparseMatrix>
 SparseMatrix SparseLowerTriangle(int num_columns,
-                                 std::vector<std::pair<int, int>> entries) {
-  // As (column, row).
-  for (auto& [column, row] : entries) {
-    if (column > row) std::swap(column, row);
-  }
-  for (int i = 0; i < num_columns; ++i) entries.emplace_back(i, i);
-  std::sort(entries.begin(), entries.end());
-  entries.erase(std::unique(entries.begin(), entries.end()), entries.end());
+                                 const ReducedSystem::Pattern& pattern) {
+  // Rows of each column, some of them several times.
+  std::vector<size_t> end(num_columns + 1, 1);
+  end[0] = 0;
+  pattern(
+      [&](int column1, int column2) { ++end[std::min(column1, column2) + 1]; });
+  std::partial_sum(end.begin(), end.end(), end.begin());
+  std::vector<int> rows(end.back());
+  std::vector<size_t> next(end.begin(), end.end() - 1);
+  for (int i = 0; i < num_columns; ++i) rows[next[i]++] = i;
+  pattern([&](int column1, int column2) {
+    rows[next[std::min(column1, column2)]++] = std::max(column1, column2);
+  });
   SparseMatrix matrix(num_columns, num_columns);
-  matrix.resizeNonZeros(Eigen::Index(entries.size()));
-  std::fill_n(matrix.outerIndexPtr(), num_columns + 1, 0);
-  for (size_t i = 0; i < entries.size(); ++i) {
-    matrix.innerIndexPtr()[i] = entries[i].second;
-    ++matrix.outerIndexPtr()[entries[i].first + 1];
-  }
+  size_t num_entries = 0;
   for (int i = 0; i < num_columns; ++i) {
-    matrix.outerIndexPtr()[i + 1] += matrix.outerIndexPtr()[i];
+    const auto begin = rows.begin() + std::ptrdiff_t(end[i]);
+    std::sort(begin, rows.begin() + std::ptrdiff_t(end[i + 1]));
+    const auto unique_end =
+        std::unique(begin, rows.begin() + std::ptrdiff_t(end[i + 1]));
+    std::copy(begin, unique_end, rows.begin() + std::ptrdiff_t(num_entries));
+    num_entries += size_t(unique_end - begin);
+    if (num_entries > size_t(std::numeric_limits<int>::max())) {
+      throw std::runtime_error(
+          "the cameras of a model share points in more than 2^31 ways: map "
+          "fewer images at a time, or match each with fewer others");
+    }
+    matrix.outerIndexPtr()[i + 1] = int(num_entries);
   }
-  std::fill_n(matrix.valuePtr(), matrix.nonZeros(), 0.0);
+  matrix.resizeNonZeros(Eigen::Index(num_entries));
+  std::copy_n(rows.begin(), num_entries, matrix.innerIndexPtr());
+  std::fill_n(matrix.valuePtr(), num_entries, 0.0);
   return matrix;
 }
 
 }  // namespace
 
 ReducedSystem::ReducedSystem(int num_columns,
-                             const std::vector<std::pair<int, int>>& pattern,
+                             const Pattern& pattern,
                              double max_num_factor_entries)
     : num_columns_(num_columns) {
   is_dense_ = num_columns <= kMaxNumColumnsDense;
@@ -71,6 +87,36 @@ int64_t ReducedSystem::EntryOf(int column1, int column2) const {
   const int* begin = rows + sparse_.outerIndexPtr()[column];
   const int* end = rows + sparse_.outerIndexPtr()[column + 1];
   return std::lower_bound(begin, end, row) - rows;
+}
+
+void ReducedSystem::AddBlock(const int* columns1,
+                             const int* columns2,
+                             int size,
+                             bool is_diagonal,
+                             const double* block) {
+  double* values = Values();
+  // Where the entry of the next column of the other camera probably is.
+  std::vector<int64_t> next(size, 0);
+  for (int j = 0; j < size; ++j) {
+    for (int i = 0; i < (is_diagonal ? j + 1 : size); ++i) {
+      if (columns1[i] < 0 || columns2[j] < 0) continue;
+      const int64_t entry = EntryNear(next[i], columns1[i], columns2[j]);
+      values[entry] += block[j * size + i];
+      next[i] = entry + 1;
+    }
+  }
+}
+
+int64_t ReducedSystem::EntryNear(int64_t guess,
+                                 int column1,
+                                 int column2) const {
+  if (is_dense_) return EntryOf(column1, column2);
+  const auto [column, row] = std::minmax(column1, column2);
+  return guess >= sparse_.outerIndexPtr()[column] &&
+                 guess < sparse_.outerIndexPtr()[column + 1] &&
+                 sparse_.innerIndexPtr()[guess] == row
+             ? guess
+             : EntryOf(column1, column2);
 }
 
 void ReducedSystem::SetZero() {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <cstdint>
-#include <utility>
+#include <functional>
 #include <vector>
 
 #include <Eigen/CholmodSupport>
@@ -21,17 +21,31 @@ class ReducedSystem {
   // Entries of a factor that is formed: 1.6 GB.
   static constexpr double kMaxNumFactorEntries = 2e8;
 
-  // `pattern`: pairs of columns, in either order and any number of times, whose
-  // entries may be non-zero; the diagonal is always part of it. Above
-  // `max_num_factor_entries` a sparse factor is not formed.
+  // Is given pairs of columns.
+  using Coupling = std::function<void(int column1, int column2)>;
+  // Calls its argument with pairs of columns whose entries may be non-zero, in
+  // either order and any number of times.
+  using Pattern = std::function<void(const Coupling& couple)>;
+
+  // The diagonal is always part of the pattern, which is gone through twice.
+  // Above `max_num_factor_entries` a sparse factor is not formed. Throws
+  // std::runtime_error where the entries are more than can be numbered.
   ReducedSystem(int num_columns,
-                const std::vector<std::pair<int, int>>& pattern,
+                const Pattern& pattern,
                 double max_num_factor_entries = kMaxNumFactorEntries);
 
   int NumColumns() const { return num_columns_; }
   // Place of the entry of two columns, in either order, among the values. It
   // stands for both entries of the symmetric matrix.
   int64_t EntryOf(int column1, int column2) const;
+  // Adds a square block, of the columns of one camera by those of another and
+  // column by column, to the entries of their columns; those below 0 have none.
+  // Of a block on the diagonal the upper triangle counts alone.
+  void AddBlock(const int* columns1,
+                const int* columns2,
+                int size,
+                bool is_diagonal,
+                const double* block);
   double* Values() { return is_dense_ ? dense_.data() : sparse_.valuePtr(); }
   void SetZero();
 
@@ -41,6 +55,9 @@ class ReducedSystem {
   [[nodiscard]] bool Solve(const Columns& right_sides, Columns* solution);
 
  private:
+  // EntryOf(column1, column2), which may be the guess.
+  int64_t EntryNear(int64_t guess, int column1, int column2) const;
+
   using SparseMatrix = Eigen::SparseMatrix<double>;
 
   int num_columns_;

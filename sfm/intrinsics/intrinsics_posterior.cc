@@ -63,13 +63,17 @@ class PosteriorProblem {
   std::optional<IntrinsicsPosterior> Solve() {
     const std::optional<double> unit_variance = UnitVariance();
     if (!unit_variance) return std::nullopt;
-    Elimination elimination(index_, unknowns_.columns, /*num_threads=*/1);
-    elimination.Rows() = std::move(rows_);
-    ReducedSystem system(unknowns_.num_columns, elimination.Pattern());
-    elimination.Attach(system);
+    Elimination elimination(
+        index_,
+        unknowns_.columns,
+        [this](int k, Elimination::Row* row) { Linearize(k, row); },
+        /*num_threads=*/1);
+    ReducedSystem system(unknowns_.num_columns, [&](const auto& couple) {
+      elimination.ForEachCoupling(couple);
+    });
     Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(unknowns_.num_columns);
     Eigen::VectorXd gradient = diagonal;
-    elimination.Accumulate(&diagonal, &gradient);
+    elimination.Accumulate(/*visitor=*/nullptr, &diagonal, &gradient);
     Eigen::VectorXd step = Eigen::VectorXd::Zero(unknowns_.num_columns);
     system.SetZero();
     elimination.Eliminate(kDamping, &system, &step);
@@ -94,9 +98,11 @@ class PosteriorProblem {
 
   struct Observation {
     int image = 0;
-    Eigen::Vector2d xy_px;
+    colmap::point2D_t point2D_idx = 0;
     // Weight by the soft L1 loss.
     double weight = 1;
+    // Of the residual with its weight.
+    double squared_norm = 0;
   };
 
   // Those of the chosen images that the camera models can project, of points
@@ -104,73 +110,92 @@ class PosteriorProblem {
   void AddObservations() {
     index_.num_cameras = int(unknowns_.image_ids.size());
     for (const colmap::point3D_t point_id : SortedPoints(model_)) {
-      std::vector<std::pair<Observation, Elimination::Row>> observations;
+      std::vector<Observation> observations;
       for (const colmap::TrackElement& element :
            model_.Point3D(point_id).Track().Elements()) {
         const auto image = std::lower_bound(unknowns_.image_ids.begin(),
                                             unknowns_.image_ids.end(),
                                             element.image_id);
         Observation observation;
-        Elimination::Row row;
         observation.image = int(image - unknowns_.image_ids.begin());
+        observation.point2D_idx = element.point2D_idx;
         if (image != unknowns_.image_ids.end() && *image == element.image_id &&
-            Linearize(element, &observation, &row)) {
-          observations.emplace_back(observation, row);
+            Weigh(&observation)) {
+          observations.push_back(observation);
         }
       }
       if (observations.size() < 2) continue;
-      std::stable_sort(observations.begin(),
-                       observations.end(),
-                       [](const auto& a, const auto& b) {
-                         return a.first.image < b.first.image;
-                       });
-      for (const auto& [observation, row] : observations) {
+      std::stable_sort(
+          observations.begin(),
+          observations.end(),
+          [](const auto& a, const auto& b) { return a.image < b.image; });
+      for (const Observation& observation : observations) {
         index_.cameras.push_back(observation.image);
         index_.points.push_back(index_.num_points);
         observations_.push_back(observation);
-        rows_.push_back(row);
       }
       ++index_.num_points;
     }
   }
 
-  bool Linearize(const colmap::TrackElement& element,
-                 Observation* observation,
-                 Elimination::Row* row) const {
-    const colmap::Image& image = model_.Image(element.image_id);
+  // The point of the observation in the frame of its camera before the
+  // translation, and where it is seen, with derivatives.
+  bool Project(const Observation& observation,
+               Eigen::Vector3d* rotated,
+               Eigen::Vector2d* residual_px,
+               ProjectionJacobian* by) const {
+    const colmap::Image& image = ImageOf(observation.image);
     const colmap::Camera& camera = model_.Camera(image.CameraId());
-    const colmap::Point2D& point2D = image.Point2D(element.point2D_idx);
+    const colmap::Point2D& point2D = image.Point2D(observation.point2D_idx);
     const Rigid3d cam_from_world = CamFromWorld(image);
-    const Eigen::Vector3d rotated =
+    *rotated =
         cam_from_world.rotation * model_.Point3D(point2D.Point3DId()).XYZ();
-    Eigen::Vector2d projection;
-    ProjectionJacobian by;
     if (!ProjectionOfModel(camera.ModelId())(
             camera.ParamsData(),
-            rotated + cam_from_world.translation,
-            &projection,
-            &by)) {
+            *rotated + cam_from_world.translation,
+            residual_px,
+            by)) {
       return false;
     }
-    observation->xy_px = point2D.XY();
-    const Eigen::Vector2d residual_px = projection - point2D.XY();
+    *residual_px -= point2D.XY();
+    return true;
+  }
+
+  // False if the camera model cannot project the point.
+  bool Weigh(Observation* observation) const {
+    Eigen::Vector3d rotated;
+    Eigen::Vector2d residual_px;
+    ProjectionJacobian by;
+    if (!Project(*observation, &rotated, &residual_px, &by)) return false;
     const double loss_scale_px = kLossFactor * options_.loss_scale_px;
     observation->weight =
         1 / std::sqrt(1 + residual_px.squaredNorm() /
                               (loss_scale_px * loss_scale_px));
-    const double root = std::sqrt(observation->weight);
-    row->residual = root * residual_px;
+    observation->squared_norm =
+        (std::sqrt(observation->weight) * residual_px).squaredNorm();
+    return true;
+  }
+
+  // The residual, whitened by its weight.
+  void Linearize(int k, Elimination::Row* row) const {
+    const Observation& observation = observations_[size_t(k)];
+    Eigen::Vector3d rotated;
+    ProjectionJacobian by;
+    Project(observation, &rotated, &row->residual, &by);
+    const double root = std::sqrt(observation.weight);
+    row->residual *= root;
     row->by_camera.setZero();
+    const Rigid3d cam_from_world = CamFromWorld(ImageOf(observation.image));
     for (int i = 0; i < 2; ++i) {
       const Eigen::Vector3d by_point = root * by.point.row(i);
       row->by_camera.block<3, 1>(0, i) = rotated.cross(by_point);
       row->by_camera.block<3, 1>(3, i) = by_point;
       row->by_point.col(i) = cam_from_world.rotation.conjugate() * by_point;
     }
-    const auto num_params = Eigen::Index(camera.NumParams());
+    const auto num_params =
+        Eigen::Index(CameraOf(observation.image).NumParams());
     row->by_camera.middleRows(kNumPoseParams, num_params) =
         root * by.params.leftCols(num_params).transpose();
-    return true;
   }
 
   // Variance of the residuals that the weights are relative to (Huber, Robust
@@ -182,7 +207,7 @@ class PosteriorProblem {
       sum_weights += weight;
       // Derivative of the influence of a residual, the mean of both directions.
       sum_slopes += (weight + weight * weight * weight) / 2;
-      sum_squared_influences += weight * rows_[k].residual.squaredNorm();
+      sum_squared_influences += weight * observations_[k].squared_norm;
     }
     const double count = double(observations_.size());
     const double redundancy =
@@ -251,14 +276,16 @@ class PosteriorProblem {
 
   // Derivatives of the free columns by the residuals of the observations of a
   // point, up to their sign.
-  std::vector<Eigen::MatrixX2d> InfluencesOf(const Elimination& elimination,
-                                             const Eigen::MatrixXd& inverse,
-                                             int point) const {
+  std::vector<Eigen::MatrixX2d> InfluencesOf(
+      const Elimination& elimination,
+      const Eigen::MatrixXd& inverse,
+      int point,
+      const std::vector<Elimination::Row>& rows) const {
     std::vector<Eigen::MatrixX2d> influences;
     Eigen::MatrixX3d by_point = Eigen::MatrixX3d::Zero(inverse.cols(), 3);
     const int begin = elimination.PointBegin(point);
     for (int k = begin; k < elimination.PointEnd(point); ++k) {
-      const Elimination::Row& row = elimination.Rows()[k];
+      const Elimination::Row& row = rows[k - begin];
       Eigen::MatrixX2d& influence =
           influences.emplace_back(Eigen::MatrixX2d::Zero(inverse.cols(), 2));
       const Elimination::CameraColumns& columns =
@@ -270,12 +297,12 @@ class PosteriorProblem {
       }
       by_point.noalias() += influence * row.by_point.transpose();
     }
-    Eigen::Matrix3d hessian = elimination.NormalEquations(point).first;
+    Eigen::Matrix3d hessian =
+        elimination.NormalEquations(point, rows.data()).first;
     hessian.diagonal() *= 1 + kDamping;
     by_point *= hessian.llt().solve(Eigen::Matrix3d::Identity());
     for (int k = begin; k < elimination.PointEnd(point); ++k) {
-      influences[k - begin].noalias() -=
-          by_point * elimination.Rows()[k].by_point;
+      influences[k - begin].noalias() -= by_point * rows[k - begin].by_point;
     }
     return influences;
   }
@@ -295,19 +322,24 @@ class PosteriorProblem {
     using Shifts = Eigen::Matrix<double, Eigen::Dynamic, 2 * kNumMonomials>;
     std::map<int, Shifts> shifts;
     for (int point = 0; point < index_.num_points; ++point) {
+      const int begin = elimination.PointBegin(point);
+      std::vector<Elimination::Row> rows(elimination.PointEnd(point) - begin);
+      for (size_t i = 0; i < rows.size(); ++i)
+        Linearize(begin + int(i), &rows[i]);
       const std::vector<Eigen::MatrixX2d> influences =
-          InfluencesOf(elimination, inverse, point);
+          InfluencesOf(elimination, inverse, point, rows);
       Eigen::VectorXd shift = Eigen::VectorXd::Zero(count);
       for (size_t i = 0; i < influences.size(); ++i) {
-        const size_t k = size_t(elimination.PointBegin(point)) + i;
-        const Observation& observation = observations_[k];
-        shift.noalias() += influences[i] * elimination.Rows()[k].residual;
+        const Observation& observation = observations_[size_t(begin) + i];
+        shift.noalias() += influences[i] * rows[i].residual;
         const auto image = shifts.try_emplace(
             observation.image, Shifts::Zero(count, 2 * kNumMonomials));
-        const auto monomials =
-            (std::sqrt(observation.weight) *
-             Monomials(CameraOf(observation.image), observation.xy_px))
-                .eval();
+        const auto monomials = (std::sqrt(observation.weight) *
+                                Monomials(CameraOf(observation.image),
+                                          ImageOf(observation.image)
+                                              .Point2D(observation.point2D_idx)
+                                              .XY()))
+                                   .eval();
         for (int axis = 0; axis < 2; ++axis) {
           image.first->second
               .template middleCols<kNumMonomials>(axis * kNumMonomials)
@@ -327,8 +359,7 @@ class PosteriorProblem {
           kSmoothErrorRatio * LargerSide(CameraOf(image)) * shift;
       covariance.noalias() += scaled * scaled.transpose();
       common_shifts
-          .try_emplace(unknowns_.BlockOf(
-                           model_.Image(unknowns_.image_ids[size_t(image)])),
+          .try_emplace(unknowns_.BlockOf(ImageOf(image)),
                        Shifts::Zero(count, 2 * kNumMonomials))
           .first->second += scaled;
     }
@@ -338,9 +369,11 @@ class PosteriorProblem {
     return {of_keypoints, covariance};
   }
 
+  const colmap::Image& ImageOf(int image) const {
+    return model_.Image(unknowns_.image_ids[size_t(image)]);
+  }
   const colmap::Camera& CameraOf(int image) const {
-    return model_.Camera(
-        model_.Image(unknowns_.image_ids[size_t(image)]).CameraId());
+    return model_.Camera(ImageOf(image).CameraId());
   }
 
   const BundleAdjustmentOptions& options_;
@@ -348,8 +381,6 @@ class PosteriorProblem {
   const PosteriorColumns unknowns_;
   ObservationIndex index_;
   std::vector<Observation> observations_;
-  // Residuals of the observations, whitened by their weights.
-  std::vector<Elimination::Row> rows_;
 };
 
 }  // namespace

@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <unordered_map>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -43,13 +43,10 @@ class ModelBundle {
         rigs_(rigs),
         model_(model),
         point_ids_(SortedPoints(*model)) {
-    for (size_t i = 0; i < point_ids_.size(); ++i) {
-      point_indices_[point_ids_[i]] = int(i);
-      bundle_.points.push_back(model->Point3D(point_ids_[i]).XYZ());
-    }
     for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
       AddImage(image_id);
     }
+    AddPoints();
     for (size_t i = 0; i < camera_ids_.size(); ++i) {
       RefineCamera(num_observations_[i], i);
     }
@@ -122,18 +119,36 @@ class ModelBundle {
     if (image.NumPoints3D() == 0) return;
     const int camera_index = IndexOfCamera(image.CameraId());
     num_observations_[camera_index] += image.NumPoints3D();
-    for (const colmap::Point2D& point2D : image.Points2D()) {
-      if (!point2D.HasPoint3D()) continue;
-      bundle_.observations.push_back({int(image_ids_.size()),
-                                      point_indices_.at(point2D.Point3DId()),
-                                      point2D.XY()});
-    }
     image_ids_.push_back(image_id);
     BundleImage& bundle_image = bundle_.images.emplace_back();
     bundle_image.cam_from_world = CamFromWorld(image);
     bundle_image.camera = camera_index;
     const auto member = rigs_.frames.find(image_id);
     if (member != rigs_.frames.end()) JoinFrame(member->second, &bundle_image);
+  }
+
+  // Their observations by image, as the solver wants them.
+  void AddPoints() {
+    bundle_.points.reserve(point_ids_.size());
+    bundle_.observations.reserve(model_->ComputeNumObservations());
+    for (const colmap::point3D_t point_id : point_ids_) {
+      const colmap::Point3D& point = model_->Point3D(point_id);
+      std::vector<colmap::TrackElement> elements = point.Track().Elements();
+      std::sort(
+          elements.begin(), elements.end(), [](const auto& a, const auto& b) {
+            return std::tie(a.image_id, a.point2D_idx) <
+                   std::tie(b.image_id, b.point2D_idx);
+          });
+      for (const auto& [image_id, point2D_idx] : elements) {
+        const auto image =
+            std::lower_bound(image_ids_.begin(), image_ids_.end(), image_id);
+        bundle_.observations.push_back(
+            {int(image - image_ids_.begin()),
+             int(bundle_.points.size()),
+             model_->Image(image_id).Point2D(point2D_idx).XY()});
+      }
+      bundle_.points.push_back(point.XYZ());
+    }
   }
 
   void JoinFrame(const FrameMember& member, BundleImage* image) {
@@ -232,12 +247,11 @@ class ModelBundle {
   const CameraBeliefs& beliefs_;
   const RigConstraints& rigs_;
   colmap::Reconstruction* model_;
-  // By their index in the bundle.
+  // By their index in the bundle, in increasing order.
   std::vector<colmap::image_t> image_ids_;
   std::vector<colmap::camera_t> camera_ids_;
   const std::vector<colmap::point3D_t> point_ids_;
   std::map<colmap::camera_t, int> camera_indices_;
-  std::unordered_map<colmap::point3D_t, int> point_indices_;
   std::vector<size_t> num_observations_;
   // Indices in the bundle.
   std::map<frame_t, int> frames_;

@@ -1,6 +1,7 @@
 #include "sfm/mapping/component_mapping.h"
 
 #include "colmap_ext/pose_access.h"
+#include "colmap_ext/process_memory.h"
 #include "sfm/georeferencing/georeferencing.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
@@ -77,15 +78,9 @@ colmap::Reconstruction CreateModel(const MappingContext& context,
   return model;
 }
 
-ModelInProgress StartModel(const MappingContext& context,
-                           const ComponentRotations& rotations,
-                           PairGeometries* pairs,
-                           MappingLog* log) {
-  const ImageIndex index(rotations.image_ids);
-  const ImageScales scales =
-      AverageScalesAndFilter(context, rotations, index, pairs, log);
+ModelInProgress CreateProgress(const MappingContext& context,
+                               const ComponentRotations& rotations) {
   ModelInProgress progress;
-  progress.model = CreateModel(context, rotations);
   progress.cameras = CamerasOf(context.scene, rotations.image_ids);
   progress.beliefs = context.camera_beliefs;
   progress.final_loss_scale_px =
@@ -98,20 +93,49 @@ ModelInProgress StartModel(const MappingContext& context,
   } else {
     progress.rigs.fix_scale = HasBaseline(context.frames, rotations.image_ids);
   }
+  return progress;
+}
 
+void ReleaseInliers(const ImageIndex& index, PairGeometries* pairs) {
+  for (auto& [pair_id, pair] : *pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (index.Of(image_id1) >= 0 && index.Of(image_id2) >= 0) {
+      pair.ReleaseInliers();
+    }
+  }
+  ReturnFreeMemory();
+}
+
+// A model with first positions, to which `start` returns.
+ModelInProgress StartModel(const MappingContext& context,
+                           const ComponentRotations& rotations,
+                           PairGeometries* pairs,
+                           ModelStart* start,
+                           MappingLog* log) {
+  const ImageIndex index(rotations.image_ids);
+  const ImageScales scales =
+      AverageScalesAndFilter(context, rotations, index, pairs, log);
+  ModelInProgress progress = CreateProgress(context, rotations);
   StageTimer timer("initialization");
-  const std::vector<colmap::Track> tracks =
-      EstablishTracks(index, *pairs, context.options.tracks);
-  InitializePositions(index,
-                      *pairs,
-                      context.depths,
-                      scales,
-                      tracks,
-                      context.options.position_initialization,
-                      context.options.refinement.min_triangulation_angle_deg,
-                      &progress.model,
-                      context.frames);
-  timer.Add("tracks", double(tracks.size()))
+  const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
+      EstablishTracks(index, *pairs, context.options.tracks));
+  if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);
+  *start = [=, &context, &rotations] {
+    colmap::Reconstruction model = CreateModel(context, rotations);
+    InitializePositions(index,
+                        *pairs,
+                        context.depths,
+                        scales,
+                        *tracks,
+                        context.options.position_initialization,
+                        context.options.refinement.min_triangulation_angle_deg,
+                        &model,
+                        context.frames);
+    return model;
+  };
+  progress.model = (*start)();
+  ReturnFreeMemory();
+  timer.Add("tracks", double(tracks->size()))
       .Add("images", double(progress.model.NumRegImages()))
       .Add("points", double(progress.model.NumPoints3D()));
   timer.Finish(&log->stages);
@@ -195,15 +219,17 @@ ComponentResult MapComponent(const MappingContext& context,
                              PairGeometries* pairs,
                              MappingLog* log) {
   ComponentResult result;
-  ModelInProgress progress = StartModel(context, rotations, pairs, log);
+  ModelStart start;
+  ModelInProgress progress = StartModel(context, rotations, pairs, &start, log);
   colmap::Reconstruction& model = progress.model;
   for (const colmap::image_t image_id : rotations.image_ids) {
     if (!model.IsImageRegistered(image_id)) {
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
     }
   }
-  const bool success = RefineModel(context, &progress, log) &&
-                       CalibrateSensors(context, &progress, log);
+  const bool is_refined = RefineModel(context, start, &progress, log);
+  start = nullptr;
+  const bool success = is_refined && CalibrateSensors(context, &progress, log);
   if (success) {
     CalibrateCameras(context, &progress, log);
     CompleteTracks(context, *pairs, &progress, log);

@@ -170,6 +170,7 @@ bool Untie(const MappingContext& context,
 }  // namespace
 
 bool RefineModel(const MappingContext& context,
+                 const ModelStart& start,
                  ModelInProgress* progress,
                  MappingLog* log) {
   const auto refine = [&] {
@@ -177,7 +178,6 @@ bool RefineModel(const MappingContext& context,
            AdjustModel(context, progress, log);
   };
   if (!context.options.TiesCameras()) return refine();
-  const colmap::Reconstruction start = progress->model;
   TieCameraClasses(context.options.refinement.bundle_adjustment.intrinsics,
                    &progress->beliefs,
                    &progress->model);
@@ -191,7 +191,7 @@ bool RefineModel(const MappingContext& context,
       return true;
     }
     // Positions that wrong ties led to are no start.
-    progress->model = start;
+    progress->model = start();
     UseCameras(progress->cameras, &progress->model);
   }
   return false;

@@ -8,6 +8,7 @@
 #include "sfm/intrinsics/self_calibration.h"
 #include "sfm/mapping_context.h"
 
+#include <functional>
 #include <map>
 #include <optional>
 
@@ -28,10 +29,14 @@ struct ModelInProgress {
   double final_loss_scale_px = 0;
 };
 
+// Returns a model with first positions, the same each time.
+using ModelStart = std::function<colmap::Reconstruction()>;
+
 // Positions and adjusts a started model, with shared intrinsics of all cameras
-// of a kind, and once more without the images that contradict theirs. Returns
-// false if a solver failed or no point is left.
+// of a kind, and from its start once more without the images that contradict
+// theirs. Returns false if a solver failed or no point is left.
 bool RefineModel(const MappingContext& context,
+                 const ModelStart& start,
                  ModelInProgress* progress,
                  MappingLog* log);
 

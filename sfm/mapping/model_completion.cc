@@ -1,16 +1,20 @@
 #include "sfm/mapping/model_completion.h"
 
 #include "colmap_ext/cancellation.h"
+#include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/two_view/two_view_model.h"
 #include "estimators/two_view/two_view_residuals.h"
 #include "sfm/mapping/model_access.h"
 #include "sfm/verification/centered_point.h"
 
+#include <colmap/base/correspondence_graph.h>
 #include <colmap/sfm/incremental_triangulator.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 namespace dgsfm {
 
@@ -21,48 +25,96 @@ constexpr double kMinFilteredShare = 1e-3;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 
-// Matches whose Sampson error under the poses of the model is small, each
-// feature at most once, as COLMAP's correspondence graph wants them.
-colmap::FeatureMatches MatchesOnEpipolarLines(
-    const colmap::Reconstruction& model,
-    colmap::image_t image_id1,
-    colmap::image_t image_id2,
-    const colmap::FeatureMatches& matches,
-    double max_error_px) {
-  const colmap::Image& image1 = model.Image(image_id1);
-  const colmap::Image& image2 = model.Image(image_id2);
-  const colmap::Camera& camera1 = model.Camera(image1.CameraId());
-  const colmap::Camera& camera2 = model.Camera(image2.CameraId());
+// A key point without distortion, and its covariance for unit noise in its
+// image. Not a number where UndistortPoint() has nothing, so that no epipolar
+// line is near.
+struct UndistortedKeypoint {
+  Eigen::Vector2d point =
+      Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+  PointCovariance covariance = UnitPointCovariance();
+};
+
+using UndistortedKeypoints = std::vector<UndistortedKeypoint>;
+
+// Of each registered image.
+std::map<colmap::image_t, UndistortedKeypoints> UndistortKeypoints(
+    const colmap::Reconstruction& model, int num_threads) {
+  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
+  std::vector<UndistortedKeypoints> keypoints(image_ids.size());
+  ParallelFor(image_ids.size(), num_threads, [&](size_t i) {
+    const colmap::Image& image = model.Image(image_ids[i]);
+    const colmap::Camera& camera = model.Camera(image.CameraId());
+    for (const colmap::Point2D& point2D : image.Points2D()) {
+      UndistortedKeypoint& keypoint = keypoints[i].emplace_back();
+      const auto undistorted = UndistortPoint(camera, point2D.XY());
+      if (!undistorted) continue;
+      keypoint.point = undistorted->point;
+      keypoint.covariance = UndistortedCovariance(undistorted->pixel_jacobian);
+    }
+  });
+  std::map<colmap::image_t, UndistortedKeypoints> keypoints_of_images;
+  for (size_t i = 0; i < image_ids.size(); ++i) {
+    keypoints_of_images.emplace_hint(
+        keypoints_of_images.end(), image_ids[i], std::move(keypoints[i]));
+  }
+  return keypoints_of_images;
+}
+
+Eigen::Matrix3d FundamentalMatrixOf(const colmap::Reconstruction& model,
+                                    const colmap::Image& image1,
+                                    const colmap::Image& image2) {
   const Rigid3d cam2_from_cam1 =
       CamFromWorld(image2) * CamFromWorld(image1).Inverse();
   TwoViewModel two_view;
   two_view.rotation = cam2_from_cam1.rotation.toRotationMatrix();
   two_view.translation = cam2_from_cam1.translation;
-  two_view.focal1 = camera1.MeanFocalLength();
-  two_view.focal2 = camera2.MeanFocalLength();
-  const Eigen::Matrix3d F = two_view.FundamentalMatrix();
+  two_view.focal1 = model.Camera(image1.CameraId()).MeanFocalLength();
+  two_view.focal2 = model.Camera(image2.CameraId()).MeanFocalLength();
+  return two_view.FundamentalMatrix();
+}
+
+// Matches whose Sampson error under the poses of the model is small, each
+// feature at most once, as COLMAP's correspondence graph wants them.
+colmap::FeatureMatches MatchesOnEpipolarLines(
+    const Eigen::Matrix3d& F,
+    const UndistortedKeypoints& keypoints1,
+    const UndistortedKeypoints& keypoints2,
+    const colmap::FeatureMatches& matches,
+    double max_error_px) {
   colmap::FeatureMatches consistent;
-  std::vector<bool> is_used1(image1.NumPoints2D(), false);
-  std::vector<bool> is_used2(image2.NumPoints2D(), false);
+  std::vector<bool> is_used1(keypoints1.size(), false);
+  std::vector<bool> is_used2(keypoints2.size(), false);
   for (const colmap::FeatureMatch& match : matches) {
-    const auto point1 =
-        UndistortPoint(camera1, image1.Point2D(match.point2D_idx1).XY());
-    const auto point2 =
-        UndistortPoint(camera2, image2.Point2D(match.point2D_idx2).XY());
-    if (point1 && point2 &&
+    const UndistortedKeypoint& keypoint1 = keypoints1[match.point2D_idx1];
+    const UndistortedKeypoint& keypoint2 = keypoints2[match.point2D_idx2];
+    if (!is_used1[match.point2D_idx1] && !is_used2[match.point2D_idx2] &&
         std::abs(SampsonError(F,
-                              point1->point,
-                              point2->point,
-                              UndistortedCovariance(point1->pixel_jacobian),
-                              UndistortedCovariance(point2->pixel_jacobian))) <=
-            max_error_px &&
-        !is_used1[match.point2D_idx1] && !is_used2[match.point2D_idx2]) {
+                              keypoint1.point,
+                              keypoint2.point,
+                              keypoint1.covariance,
+                              keypoint2.covariance)) <= max_error_px) {
       is_used1[match.point2D_idx1] = true;
       is_used2[match.point2D_idx2] = true;
       consistent.push_back(match);
     }
   }
   return consistent;
+}
+
+// Leaves out matches within a point of the model: they neither add to a track
+// nor merge two.
+void RemoveMatchesWithinPoints(const colmap::Image& image1,
+                               const colmap::Image& image2,
+                               colmap::FeatureMatches* matches) {
+  const auto is_within_point = [&](const colmap::FeatureMatch& match) {
+    const colmap::Point2D& point1 = image1.Point2D(match.point2D_idx1);
+    const colmap::Point2D& point2 = image2.Point2D(match.point2D_idx2);
+    return point1.HasPoint3D() && point1.Point3DId() == point2.Point3DId();
+  };
+  matches->erase(
+      std::remove_if(matches->begin(), matches->end(), is_within_point),
+      matches->end());
+  matches->shrink_to_fit();
 }
 
 // Agreement with epipolar lines does not bring back look-alikes that an
@@ -74,65 +126,87 @@ bool StaysOut(PairStatus status) {
 }
 
 // The inliers of the valid pairs between registered images.
-void AddInliers(const PairGeometries& pairs,
-                const colmap::Reconstruction& model,
-                colmap::CorrespondenceGraph* graph) {
-  for (const auto& [image_id, image] : model.Images()) {
-    graph->AddImage(image_id, image.NumPoints2D());
-  }
+AgreeingMatches InliersOf(const PairGeometries& pairs,
+                          const colmap::Reconstruction& model) {
+  AgreeingMatches inliers;
   for (const auto& [pair_id, pair] : pairs) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     if (pair.status == PairStatus::VALID && IsRegistered(model, image_id1) &&
         IsRegistered(model, image_id2)) {
-      graph->AddCorrespondences(image_id1, image_id2, pair.inlier_matches);
+      inliers.emplace_hint(inliers.end(), pair_id, pair.inlier_matches);
     }
   }
+  return inliers;
 }
 
-void AddAgreeingMatches(const MappingContext& context,
-                        const PairGeometries& pairs,
-                        const colmap::Reconstruction& model,
-                        colmap::CorrespondenceGraph* graph) {
-  BuildCorrespondenceGraph(context.scene,
-                           pairs,
-                           context.verification,
-                           context.options.refinement.max_epipolar_error_px,
-                           model,
-                           graph);
+AgreeingMatches AgreeingMatchesOf(const MappingContext& context,
+                                  const PairGeometries& pairs,
+                                  const colmap::Reconstruction& model) {
+  return MatchesThatAgree(context.scene,
+                          pairs,
+                          context.verification,
+                          context.options.refinement.max_epipolar_error_px,
+                          model);
 }
 
 }  // namespace
 
-void BuildCorrespondenceGraph(const Scene& scene,
-                              const PairGeometries& pairs,
-                              const PairVerificationOptions& verification,
-                              double max_epipolar_error_px,
-                              const colmap::Reconstruction& model,
-                              colmap::CorrespondenceGraph* graph) {
-  for (const auto& [image_id, image] : model.Images()) {
-    graph->AddImage(image_id, image.NumPoints2D());
-  }
+AgreeingMatches MatchesThatAgree(const Scene& scene,
+                                 const PairGeometries& pairs,
+                                 const PairVerificationOptions& verification,
+                                 double max_epipolar_error_px,
+                                 const colmap::Reconstruction& model) {
+  const auto keypoints = UndistortKeypoints(model, verification.num_threads);
+  std::vector<colmap::image_pair_t> pair_ids;
   for (const auto& [pair_id, matches] : scene.matches) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     const auto pair = pairs.find(pair_id);
-    if (!IsRegistered(model, image_id1) || !IsRegistered(model, image_id2) ||
-        (pair != pairs.end() && StaysOut(pair->second.status))) {
-      continue;
-    }
-    const colmap::FeatureMatches consistent = MatchesOnEpipolarLines(
-        model, image_id1, image_id2, matches, max_epipolar_error_px);
-    if (double(consistent.size()) >=
-        std::max<double>(
-            verification.min_num_inliers,
-            verification.min_inlier_ratio * double(matches.size()))) {
-      graph->AddCorrespondences(image_id1, image_id2, consistent);
+    if (IsRegistered(model, image_id1) && IsRegistered(model, image_id2) &&
+        (pair == pairs.end() || !StaysOut(pair->second.status))) {
+      pair_ids.push_back(pair_id);
     }
   }
+  std::vector<std::optional<colmap::FeatureMatches>> open(pair_ids.size());
+  ParallelFor(pair_ids.size(), verification.num_threads, [&](size_t i) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_ids[i]);
+    const colmap::Image& image1 = model.Image(image_id1);
+    const colmap::Image& image2 = model.Image(image_id2);
+    const colmap::FeatureMatches matches = MatchesOf(scene, pair_ids[i]);
+    colmap::FeatureMatches consistent =
+        MatchesOnEpipolarLines(FundamentalMatrixOf(model, image1, image2),
+                               keypoints.at(image_id1),
+                               keypoints.at(image_id2),
+                               matches,
+                               max_epipolar_error_px);
+    if (consistent.empty() ||
+        double(consistent.size()) <
+            std::max<double>(
+                verification.min_num_inliers,
+                verification.min_inlier_ratio * double(matches.size()))) {
+      return;
+    }
+    RemoveMatchesWithinPoints(image1, image2, &consistent);
+    open[i] = std::move(consistent);
+  });
+  AgreeingMatches agreeing;
+  for (size_t i = 0; i < pair_ids.size(); ++i) {
+    if (!open[i]) continue;
+    agreeing.emplace_hint(agreeing.end(), pair_ids[i], std::move(*open[i]));
+  }
+  return agreeing;
 }
 
 size_t Retriangulate(const ModelRefinementOptions& options,
-                     const colmap::CorrespondenceGraph& graph,
+                     const AgreeingMatches& matches,
                      colmap::Reconstruction* model) {
+  colmap::CorrespondenceGraph graph;
+  for (const auto& [image_id, image] : model->Images()) {
+    graph.AddImage(image_id, image.NumPoints2D());
+  }
+  for (const auto& [pair_id, pair_matches] : matches) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    graph.AddCorrespondences(image_id1, image_id2, pair_matches);
+  }
   colmap::IncrementalTriangulator::Options triangulation;
   triangulation.complete_max_reproj_error = options.max_completion_error_px;
   triangulation.merge_max_reproj_error = options.max_completion_error_px;
@@ -163,14 +237,12 @@ void CompleteTracks(const MappingContext& context,
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     // Better poses agree with more matches than those of the round before.
-    colmap::CorrespondenceGraph graph;
-    if (context.options.skip_match_completion) {
-      AddInliers(pairs, model, &graph);
-    } else {
-      AddAgreeingMatches(context, pairs, model, &graph);
-    }
     const size_t num_gained =
-        Retriangulate(context.options.refinement, graph, &model);
+        Retriangulate(context.options.refinement,
+                      context.options.skip_match_completion
+                          ? InliersOf(pairs, model)
+                          : AgreeingMatchesOf(context, pairs, model),
+                      &model);
     timer.Add("observations_gained", double(num_gained));
     const size_t num_filtered = AdjustAgain(context, progress, &timer);
     timer.Finish(&log->stages);
@@ -186,16 +258,13 @@ void JudgePairs(const MappingContext& context,
                 const colmap::Reconstruction& model,
                 PairGeometries* pairs) {
   if (context.options.skip_pair_judging) return;
-  colmap::CorrespondenceGraph graph;
-  AddAgreeingMatches(context, *pairs, model, &graph);
+  const AgreeingMatches agreeing = AgreeingMatchesOf(context, *pairs, model);
   for (auto& [pair_id, pair] : *pairs) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     if (!IsRegistered(model, image_id1) || !IsRegistered(model, image_id2)) {
       continue;
     }
-    const bool agrees =
-        graph.NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
-    if (agrees) {
+    if (agreeing.count(pair_id) > 0) {
       pair.Judge(PairStage::PAIR_JUDGING, PairStatus::VALID);
     } else if (pair.status == PairStatus::VALID) {
       pair.Judge(PairStage::PAIR_JUDGING, PairStatus::MODEL_OUTLIER);

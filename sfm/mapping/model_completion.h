@@ -4,26 +4,29 @@
 
 #include "sfm/mapping/model_building.h"
 
-#include <colmap/base/correspondence_graph.h>
+#include <map>
 
 namespace dgsfm {
 
+// Matches of pairs that agree with a model.
+using AgreeingMatches = std::map<colmap::image_pair_t, colmap::FeatureMatches>;
+
 // Matches of the scene that agree with the poses of a model: those within
 // max_epipolar_error_px of the epipolar lines, of the pairs that keep
-// min_num_inliers and min_inlier_ratio of theirs. The poses of a model
-// are better evidence than a pair alone, its depth or its triplets; pairs
-// removed by an imported score or by their translation stay out.
-void BuildCorrespondenceGraph(const Scene& scene,
-                              const PairGeometries& pairs,
-                              const PairVerificationOptions& verification,
-                              double max_epipolar_error_px,
-                              const colmap::Reconstruction& model,
-                              colmap::CorrespondenceGraph* graph);
+// min_num_inliers and min_inlier_ratio of theirs. All these pairs have an
+// entry, without the matches within one point. The poses of a model are better
+// evidence than a pair alone, its depth or its triplets; pairs removed by an
+// imported score or by their translation stay out.
+AgreeingMatches MatchesThatAgree(const Scene& scene,
+                                 const PairGeometries& pairs,
+                                 const PairVerificationOptions& verification,
+                                 double max_epipolar_error_px,
+                                 const colmap::Reconstruction& model);
 
 // Triangulates what has no point yet, completes and merges tracks. Returns the
 // number of observations that the model gained.
 size_t Retriangulate(const ModelRefinementOptions& options,
-                     const colmap::CorrespondenceGraph& graph,
+                     const AgreeingMatches& matches,
                      colmap::Reconstruction* model);
 
 // Completes the tracks of a calibrated model and adjusts it again.

@@ -173,6 +173,7 @@ GlobalPositioningSummary PositionCameras(
   }
   std::vector<Eigen::Vector3d> points;
   std::vector<PositioningObservation> observations;
+  observations.reserve(model->ComputeNumObservations());
   for (const colmap::point3D_t point_id : point_ids) {
     const colmap::Point3D& point = model->Point3D(point_id);
     for (const colmap::TrackElement& element : point.Track().Elements()) {
@@ -189,7 +190,7 @@ GlobalPositioningSummary PositionCameras(
   GlobalPositioningOptions positioning = options;
   positioning.num_threads = EffectiveNumThreads(num_threads);
   const GlobalPositioningSummary summary = SolveGlobalPositioning(
-      observations,
+      std::move(observations),
       index.Of(fixed_image),
       positioning,
       &centers,

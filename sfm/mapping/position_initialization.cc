@@ -25,12 +25,13 @@ constexpr double kGoodParallaxDeg = 15.0;
 
 struct Observation {
   int image = 0;
-  // Viewing ray of the feature, R_i^T K_i^-1 x, with unit z in the camera and
-  // with unit length.
+  // Viewing ray of the feature, R_i^T K_i^-1 x, with unit z in the camera.
   Eigen::Vector3d direction_in_world;
-  Eigen::Vector3d ray_in_world;
   // s_i D_i(x), or 0 where unknown.
   double depth = 0;
+
+  // With unit length.
+  Eigen::Vector3d RayInWorld() const { return direction_in_world.normalized(); }
 };
 
 class PositionInitializer {
@@ -75,6 +76,7 @@ class PositionInitializer {
   void CollectObservations(const KeypointDepthMap& depths) {
     observations_.resize(tracks_.size());
     for (size_t i = 0; i < tracks_.size(); ++i) {
+      observations_[i].reserve(tracks_[i].Length());
       for (const colmap::TrackElement& element : tracks_[i].Elements()) {
         const colmap::Image& image = reconstruction_->Image(element.image_id);
         const Eigen::Vector2d normalized =
@@ -84,7 +86,6 @@ class PositionInitializer {
         observation.image = index_.Of(element.image_id);
         observation.direction_in_world =
             CamFromWorld(image).rotation.conjugate() * normalized.homogeneous();
-        observation.ray_in_world = observation.direction_in_world.normalized();
         const auto scale = scales_.find(element.image_id);
         const auto depth = depths.find(element.image_id);
         if (scale != scales_.end() && depth != depths.end()) {
@@ -123,7 +124,7 @@ class PositionInitializer {
         continue;
       }
       edges.emplace_back(index_.Of(image_id1), index_.Of(image_id2));
-      weights.push_back(double(pair.inlier_matches.size()));
+      weights.push_back(double(pair.NumInliers()));
       edge_pairs.push_back(&pair);
       strength[edges.back().first] += weights.back();
       strength[edges.back().second] += weights.back();
@@ -159,11 +160,10 @@ class PositionInitializer {
   double MedianParallaxDeg(int image1, int image2) const {
     std::vector<double> angles;
     for (const int track : tracks_of_images_[image1]) {
-      const Eigen::Vector3d* ray1 = nullptr;
-      const Eigen::Vector3d* ray2 = nullptr;
+      std::optional<Eigen::Vector3d> ray1, ray2;
       for (const Observation& observation : observations_[track]) {
-        if (observation.image == image1) ray1 = &observation.ray_in_world;
-        if (observation.image == image2) ray2 = &observation.ray_in_world;
+        if (observation.image == image1) ray1 = observation.RayInWorld();
+        if (observation.image == image2) ray2 = observation.RayInWorld();
       }
       if (ray1 && ray2) angles.push_back(AngleDeg(*ray1, *ray2));
     }
@@ -177,11 +177,12 @@ class PositionInitializer {
       const int image1 = index_.Of(image_id1);
       const int image2 = index_.Of(image_id2);
       if (pair.status != PairStatus::VALID || image1 < 0 || image2 < 0 ||
-          pair.cam2_from_cam1.translation.norm() == 0) {
+          pair.cam2_from_cam1.translation.norm() == 0 ||
+          double(pair.NumInliers()) * kGoodParallaxDeg <= best_score) {
         continue;
       }
       const double score =
-          double(pair.inlier_matches.size()) *
+          double(pair.NumInliers()) *
           std::min(MedianParallaxDeg(image1, image2), kGoodParallaxDeg);
       if (score <= best_score) continue;
       best_score = score;
@@ -204,7 +205,7 @@ class PositionInitializer {
     for (const Observation& observation : observations_[track]) {
       if (!centers_[observation.image]) continue;
       centers.push_back(*centers_[observation.image]);
-      rays.push_back(observation.ray_in_world);
+      rays.push_back(observation.RayInWorld());
       if (observation.depth > 0) {
         lifted.push_back(centers.back() +
                          observation.depth * observation.direction_in_world);
@@ -245,7 +246,7 @@ class PositionInitializer {
         points.push_back(*points_[track]);
         for (const Observation& observation : observations_[track]) {
           if (observation.image == next) {
-            rays.push_back(observation.ray_in_world);
+            rays.push_back(observation.RayInWorld());
           }
         }
       }
@@ -301,6 +302,7 @@ class PositionInitializer {
 
   size_t WriteToReconstruction() {
     const size_t num_registered = WriteCenters();
+    observations_ = {};
     for (size_t i = 0; i < tracks_.size(); ++i) {
       if (!points_[i]) continue;
       colmap::Track track;

@@ -4,60 +4,62 @@
 
 #include <algorithm>
 #include <numeric>
-#include <unordered_map>
 
 namespace dgsfm {
 
 namespace {
 
-// Union-find over the features that occur in matches. Each set lists its
-// features by image, so that a union with two features of one image is refused.
+// Union-find over the features of all images, numbered image by image. Each set
+// lists its features in this order, so that a union with two features of one
+// image is refused.
 class FeatureSets {
  public:
-  struct Feature {
-    int image;
-    colmap::point2D_t point2D_idx;
-    bool operator<(const Feature& other) const {
-      return std::tie(image, point2D_idx) <
-             std::tie(other.image, other.point2D_idx);
+  // The images of the features and how many each has.
+  explicit FeatureSets(const std::vector<size_t>& num_features) {
+    for (size_t image = 0; image < num_features.size(); ++image) {
+      begin_.push_back(int(images_.size()));
+      images_.insert(images_.end(), num_features[image], int(image));
     }
-  };
-
-  int IdOf(const Feature& feature) {
-    const uint64_t key =
-        (uint64_t(uint32_t(feature.image)) << 32) | feature.point2D_idx;
-    const auto [it, is_new] = ids_.emplace(key, int(parents_.size()));
-    if (is_new) {
-      parents_.push_back(it->second);
-      members_.push_back({feature});
-    }
-    return it->second;
+    parents_.resize(images_.size());
+    std::iota(parents_.begin(), parents_.end(), 0);
+    first_ = parents_;
+    next_.assign(images_.size(), -1);
+    sizes_.assign(images_.size(), 1);
   }
+
+  int IdOf(int image, colmap::point2D_t point2D_idx) const {
+    return begin_[image] + int(point2D_idx);
+  }
+  int ImageOf(int id) const { return images_[id]; }
+  colmap::point2D_t PointOf(int id) const {
+    return colmap::point2D_t(id - begin_[images_[id]]);
+  }
+  int NumFeatures() const { return int(images_.size()); }
+  // Number of features of the set whose first one this is, else 0.
+  int SizeFrom(int id) {
+    const int root = Find(id);
+    return first_[root] == id ? sizes_[root] : 0;
+  }
+  // The feature behind this one in its set, or -1.
+  int Next(int id) const { return next_[id]; }
 
   void UnionIfConsistent(int id1, int id2) {
     int root1 = Find(id1);
     int root2 = Find(id2);
-    if (root1 == root2) return;
-    if (members_[root1].size() < members_[root2].size()) {
-      std::swap(root1, root2);
+    if (root1 == root2 || ShareAnImage(root1, root2)) return;
+    if (sizes_[root1] < sizes_[root2]) std::swap(root1, root2);
+    int head = -1;
+    int* link = &head;
+    for (int a = first_[root1], b = first_[root2]; a >= 0 || b >= 0;) {
+      int& from = b < 0 || (a >= 0 && a < b) ? a : b;
+      *link = from;
+      link = &next_[from];
+      from = *link;
     }
-    std::vector<Feature> merged;
-    merged.reserve(members_[root1].size() + members_[root2].size());
-    std::merge(members_[root1].begin(),
-               members_[root1].end(),
-               members_[root2].begin(),
-               members_[root2].end(),
-               std::back_inserter(merged));
-    for (size_t i = 1; i < merged.size(); ++i) {
-      if (merged[i].image == merged[i - 1].image) return;
-    }
-    members_[root1] = std::move(merged);
-    members_[root2] = {};
+    first_[root1] = head;
+    sizes_[root1] += sizes_[root2];
     parents_[root2] = root1;
   }
-
-  // Non-empty sets, each ordered by image.
-  const std::vector<std::vector<Feature>>& Members() const { return members_; }
 
  private:
   int Find(int id) {
@@ -65,42 +67,60 @@ class FeatureSets {
     return id;
   }
 
-  std::unordered_map<uint64_t, int> ids_;
+  bool ShareAnImage(int root1, int root2) const {
+    int a = first_[root1], b = first_[root2];
+    while (a >= 0 && b >= 0) {
+      if (images_[a] == images_[b]) return true;
+      int& earlier = a < b ? a : b;
+      earlier = next_[earlier];
+    }
+    return false;
+  }
+
+  // First feature of each image.
+  std::vector<int> begin_;
+  // Of each feature: its image, its parent, and the next one of its set.
+  std::vector<int> images_;
   std::vector<int> parents_;
-  std::vector<std::vector<Feature>> members_;
+  std::vector<int> next_;
+  // Of each root: the first feature and the number of those of its set.
+  std::vector<int> first_;
+  std::vector<int> sizes_;
 };
 
-using FeatureSet = std::vector<FeatureSets::Feature>;
-
-std::vector<FeatureSet> JoinMatches(const ImageIndex& index,
-                                    const PairGeometries& pairs) {
-  std::vector<std::pair<colmap::image_pair_t, const PairGeometry*>> ordered;
+FeatureSets JoinMatches(const ImageIndex& index, const PairGeometries& pairs) {
+  struct IndexedMatches {
+    int image1;
+    int image2;
+    const colmap::FeatureMatches* matches;
+  };
+  std::vector<IndexedMatches> ordered;
+  std::vector<size_t> num_features(index.Size(), 0);
   for (const auto& [pair_id, pair] : pairs) {
-    if (pair.status == PairStatus::VALID) ordered.emplace_back(pair_id, &pair);
-  }
-  std::stable_sort(
-      ordered.begin(), ordered.end(), [](const auto& a, const auto& b) {
-        return a.second->inlier_matches.size() >
-               b.second->inlier_matches.size();
-      });
-  FeatureSets sets;
-  for (const auto& [pair_id, pair] : ordered) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     const int image1 = index.Of(image_id1);
     const int image2 = index.Of(image_id2);
-    if (image1 < 0 || image2 < 0) continue;
-    for (const colmap::FeatureMatch& match : pair->inlier_matches) {
-      const int id1 = sets.IdOf({image1, match.point2D_idx1});
-      const int id2 = sets.IdOf({image2, match.point2D_idx2});
-      sets.UnionIfConsistent(id1, id2);
+    if (pair.status != PairStatus::VALID || image1 < 0 || image2 < 0) continue;
+    ordered.push_back({image1, image2, &pair.inlier_matches});
+    for (const colmap::FeatureMatch& match : pair.inlier_matches) {
+      num_features[image1] =
+          std::max<size_t>(num_features[image1], match.point2D_idx1 + 1);
+      num_features[image2] =
+          std::max<size_t>(num_features[image2], match.point2D_idx2 + 1);
     }
   }
-  std::vector<FeatureSet> joined;
-  for (const FeatureSet& members : sets.Members()) {
-    if (members.size() >= 2) joined.push_back(members);
+  std::stable_sort(
+      ordered.begin(), ordered.end(), [](const auto& a, const auto& b) {
+        return a.matches->size() > b.matches->size();
+      });
+  FeatureSets sets(num_features);
+  for (const IndexedMatches& pair : ordered) {
+    for (const colmap::FeatureMatch& match : *pair.matches) {
+      sets.UnionIfConsistent(sets.IdOf(pair.image1, match.point2D_idx1),
+                             sets.IdOf(pair.image2, match.point2D_idx2));
+    }
   }
-  std::sort(joined.begin(), joined.end());
-  return joined;
+  return sets;
 }
 
 }  // namespace
@@ -115,27 +135,30 @@ bool TrackOptions::IsValid(std::string* error) const {
 std::vector<colmap::Track> EstablishTracks(const ImageIndex& index,
                                            const PairGeometries& pairs,
                                            const TrackOptions& options) {
-  const std::vector<FeatureSet> joined = JoinMatches(index, pairs);
+  FeatureSets sets = JoinMatches(index, pairs);
   std::vector<int> num_tracks(index.Size(), 0);
-  for (const FeatureSet& set : joined) {
-    if (set.size() < size_t(options.min_num_views_per_track)) continue;
-    for (const auto& feature : set) ++num_tracks[feature.image];
+  for (int id = 0; id < sets.NumFeatures(); ++id) {
+    if (sets.SizeFrom(id) < options.min_num_views_per_track) continue;
+    for (int i = id; i >= 0; i = sets.Next(i)) ++num_tracks[sets.ImageOf(i)];
   }
-  const auto is_short_of_tracks = [&](const FeatureSets::Feature& feature) {
-    return num_tracks[feature.image] < options.min_num_tracks_per_view;
+  const auto is_wanted = [&](int first, int size) {
+    if (size >= options.min_num_views_per_track) return true;
+    for (int i = first; size >= 2 && i >= 0; i = sets.Next(i)) {
+      if (num_tracks[sets.ImageOf(i)] < options.min_num_tracks_per_view) {
+        return true;
+      }
+    }
+    return false;
   };
   std::vector<colmap::Track> tracks;
-  for (const FeatureSet& set : joined) {
-    if (set.size() < size_t(options.min_num_views_per_track) &&
-        std::none_of(set.begin(), set.end(), is_short_of_tracks)) {
-      continue;
+  for (int id = 0; id < sets.NumFeatures(); ++id) {
+    const int size = sets.SizeFrom(id);
+    if (!is_wanted(id, size)) continue;
+    colmap::Track& track = tracks.emplace_back();
+    track.Reserve(size_t(size));
+    for (int i = id; i >= 0; i = sets.Next(i)) {
+      track.AddElement(index.IdOf(sets.ImageOf(i)), sets.PointOf(i));
     }
-    colmap::Track track;
-    track.Reserve(set.size());
-    for (const auto& feature : set) {
-      track.AddElement(index.IdOf(feature.image), feature.point2D_idx);
-    }
-    tracks.push_back(std::move(track));
   }
   return tracks;
 }

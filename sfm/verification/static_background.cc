@@ -43,14 +43,14 @@ StaticKeypoints FindInGroup(const Scene& scene,
   for (const colmap::image_t image_id : image_ids) {
     votes[image_id].resize(scene.images.at(image_id).NumPoints2D());
   }
-  for (const auto& [pair_id, matches] : scene.matches) {
+  for (const auto& [pair_id, stored] : scene.matches) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     const auto votes1 = votes.find(image_id1);
     const auto votes2 = votes.find(image_id2);
     if (votes1 == votes.end() || votes2 == votes.end()) continue;
     const colmap::Image& image1 = scene.images.at(image_id1);
     const colmap::Image& image2 = scene.images.at(image_id2);
-    for (const auto& [idx1, idx2] : matches) {
+    for (const auto& [idx1, idx2] : MatchesOf(scene, pair_id)) {
       const double motion =
           (image1.Point2D(idx1).XY() - image2.Point2D(idx2).XY()).norm();
       Count(motion <= max_motion_px, &votes1->second[idx1]);
@@ -90,8 +90,13 @@ std::vector<StaticKeypoints> FindStaticKeypoints(const Scene& scene,
 std::map<colmap::image_pair_t, colmap::FeatureMatches> MatchesThatMove(
     const Scene& scene, const StaticKeypoints& keypoints) {
   std::map<colmap::image_pair_t, colmap::FeatureMatches> moving;
-  for (const auto& [pair_id, matches] : scene.matches) {
+  for (const auto& [pair_id, stored] : scene.matches) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (keypoints.is_static.count(image_id1) == 0 &&
+        keypoints.is_static.count(image_id2) == 0) {
+      continue;
+    }
+    const colmap::FeatureMatches matches = MatchesOf(scene, pair_id);
     colmap::FeatureMatches left;
     for (const colmap::FeatureMatch& match : matches) {
       if (!keypoints.Contains(image_id1, match.point2D_idx1) &&

@@ -16,10 +16,9 @@ constexpr double kWithScale = 1.3;
 constexpr double kNumPseudoMatches = 1;
 
 double LogOdds(const PairGeometry& pair) {
-  const double num_inliers =
-      double(pair.inlier_matches.size()) + kNumPseudoMatches;
+  const double num_inliers = double(pair.NumInliers()) + kNumPseudoMatches;
   const double num_outliers =
-      double(pair.num_matches - pair.inlier_matches.size()) + kNumPseudoMatches;
+      double(pair.num_matches - pair.NumInliers()) + kNumPseudoMatches;
   return kLogOdds + kPerLogNumInliers * std::log(num_inliers / kNumInliers) +
          kPerLogInlierOdds * std::log(num_inliers / num_outliers) +
          (pair.has_scale ? kWithScale : 0.0);

@@ -74,7 +74,7 @@ size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
   std::vector<double> counts;
   for (const IndexedPair& indexed : valid_pairs) {
     edges.emplace_back(indexed.image1, indexed.image2);
-    counts.push_back(double(indexed.pair->inlier_matches.size()));
+    counts.push_back(double(indexed.pair->NumInliers()));
   }
   const std::vector<double> support =
       TripletSupport(index.Size(), edges, counts);

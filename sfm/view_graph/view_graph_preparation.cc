@@ -1,10 +1,12 @@
 #include "sfm/view_graph/view_graph_preparation.h"
 
+#include "colmap_ext/parallel.h"
 #include "sfm/intrinsics/prior_trust.h"
 #include "sfm/verification/depth_reliability.h"
 #include "sfm/verification/static_background.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <glog/logging.h>
@@ -21,6 +23,10 @@ constexpr double kMaxMotion = 3;
 // Share of valid pairs that see one plane beyond which a warning is due.
 constexpr double kMaxPlanarShare = 0.8;
 
+// Relative difference from averaged focal lengths that is no reason to verify a
+// pair again: calibrated ones are not better.
+constexpr double kMaxFocalDifference = 0.01;
+
 // Whether the focal lengths of a pair may be far off: without depth, or where
 // its matches leave them open. The others gain nothing from averaged ones.
 bool LacksFocals(const PairGeometry& pair) {
@@ -28,20 +34,40 @@ bool LacksFocals(const PairGeometry& pair) {
          pair.Has(PairDegeneracy::WEAK_FOCAL2);
 }
 
+// Whether the focal lengths of a pair differ from those of its cameras.
+bool HasOtherFocals(const Scene& scene,
+                    colmap::image_pair_t pair_id,
+                    const PairGeometry& pair) {
+  const auto differs = [&](colmap::image_t image_id, double focal_length_px) {
+    const colmap::Camera& camera =
+        scene.cameras.at(scene.images.at(image_id).CameraId());
+    return !(std::abs(focal_length_px / camera.MeanFocalLength() - 1) <=
+             kMaxFocalDifference);
+  };
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  return differs(image_id1, pair.focal_length1_px) ||
+         differs(image_id2, pair.focal_length2_px);
+}
+
 void VerifyAgain(PairStage stage,
                  const PairVerificationOptions& verification,
-                 const std::vector<colmap::image_pair_t>& pair_ids,
+                 std::vector<colmap::image_pair_t> pair_ids,
                  const Scene& scene,
                  const KeypointDepthMap& depths,
                  PairGeometries* pairs) {
-  std::map<colmap::image_pair_t, colmap::FeatureMatches> matches;
-  for (const colmap::image_pair_t pair_id : pair_ids) {
-    matches[pair_id] = scene.matches.at(pair_id);
-  }
-  for (auto& [pair_id, pair] :
-       VerifyPairs(scene, matches, depths, verification)) {
-    pairs->at(pair_id).Replace(stage, std::move(pair));
-  }
+  // Long pairs first, so that no thread starts one when the others end.
+  std::stable_sort(pair_ids.begin(),
+                   pair_ids.end(),
+                   [&](colmap::image_pair_t a, colmap::image_pair_t b) {
+                     return pairs->at(a).num_matches > pairs->at(b).num_matches;
+                   });
+  ParallelFor(pair_ids.size(), verification.num_threads, [&](size_t i) {
+    const colmap::image_pair_t pair_id = pair_ids[i];
+    pairs->at(pair_id).Replace(
+        stage,
+        VerifyPair(
+            scene, depths, pair_id, MatchesOf(scene, pair_id), verification));
+  });
 }
 
 }  // namespace
@@ -70,7 +96,11 @@ void DropStaticBackground(const DepthGlobalMapperOptions& options,
     if (CountMovingPairs(moving) <= CountMovingPairs(replaced)) continue;
     ++num_groups;
     for (auto& [pair_id, pair] : moving) {
-      scene->matches[pair_id] = std::move(matches.at(pair_id));
+      if (matches.at(pair_id).empty()) {
+        scene->matches.erase(pair_id);
+      } else {
+        scene->matches[pair_id] = std::move(matches.at(pair_id));
+      }
       pairs->at(pair_id).Replace(PairStage::STATIC_BACKGROUND, std::move(pair));
     }
   }
@@ -167,9 +197,13 @@ std::map<colmap::camera_t, CameraFocal> AverageFocals(
   }
   StageTimer reverification("reverification");
   std::vector<colmap::image_pair_t> uncertain;
-  for (const auto& [pair_id, pair] : *pairs) {
-    if (pair.status == PairStatus::VALID && LacksFocals(pair)) {
+  for (auto& [pair_id, pair] : *pairs) {
+    if (pair.status != PairStatus::VALID || !LacksFocals(pair)) continue;
+    if (HasOtherFocals(*scene, pair_id, pair)) {
       uncertain.push_back(pair_id);
+    } else {
+      pair.degeneracies &= ~(uint32_t(PairDegeneracy::WEAK_FOCAL1) |
+                             uint32_t(PairDegeneracy::WEAK_FOCAL2));
     }
   }
   // Averages count as known for this verification alone.

@@ -65,6 +65,19 @@ TEST(ParallelFor, EndsWhenCancelled) {
   }
 }
 
+TEST(ParallelFor, LoopsWithinLoopsAndOfSeveralThreadsEnd) {
+  std::atomic<int> num_calls = 0;
+  const auto run = [&] {
+    ParallelFor(20, 4, [&](size_t) {
+      ParallelFor(20, 4, [&](size_t) { ++num_calls; });
+    });
+  };
+  std::thread other(run);
+  run();
+  other.join();
+  EXPECT_EQ(num_calls, 2 * 20 * 20);
+}
+
 TEST(ParallelFor, ThreadsTakeTheFlagOfTheirCaller) {
   CancellationFlag flag(false);
   const CancellationScope scope(&flag);

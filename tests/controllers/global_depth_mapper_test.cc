@@ -308,6 +308,28 @@ TEST_F(GlobalDepthMapperTest, PairsOfFewKeypointsAreVerifiedByAllMatches) {
 TEST_F(GlobalDepthMapperTest, LeavesTheDatabaseAloneOnDemand) {
   ASSERT_EQ(Map({"--write_pair_statuses", "0"}), 0);
   EXPECT_TRUE(StoredStatuses().empty());
+  EXPECT_TRUE(DepthDatabase(path_, DepthDatabase::Mode::READ_ONLY)
+                  .ReadPairFingerprints()
+                  .empty());
+}
+
+TEST_F(GlobalDepthMapperTest, VerifiesPairsOnce) {
+  const auto pair_stage = [this] {
+    const auto report =
+        nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+    for (const auto& stage : report["stages"]) {
+      if (stage["stage"] == "pair_verification") return stage;
+    }
+    return nlohmann::json();
+  };
+  ASSERT_EQ(Map({}), 0);
+  const size_t num_pairs = DepthDatabase(path_, DepthDatabase::Mode::READ_ONLY)
+                               .ReadPairFingerprints()
+                               .size();
+  EXPECT_GT(num_pairs, 0);
+  EXPECT_EQ(pair_stage()["kept"], 0);
+  ASSERT_EQ(Map({}), 0);
+  EXPECT_EQ(pair_stage()["kept"], num_pairs);
 }
 
 TEST_F(GlobalDepthMapperTest, ModelsComeOutOfADatabaseThatCannotBeWritten) {

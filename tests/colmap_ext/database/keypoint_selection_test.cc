@@ -6,6 +6,7 @@
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "tests/testing/test_dir.h"
 
+#include <memory>
 #include <numeric>
 #include <set>
 
@@ -89,6 +90,25 @@ TEST_F(SceneWithFewKeypoints, IsTheWholeSceneWhereThereAreFew) {
   ASSERT_EQ(scene.matches.size(), all_.matches.size());
   for (const auto& [pair_id, matches] : all_.matches) {
     EXPECT_EQ(scene.matches.at(pair_id).size(), matches.size());
+  }
+}
+
+TEST_F(SceneWithFewKeypoints, HasTheSameMatchesReadWhenTheyAreNeeded) {
+  for (const int max_num_keypoints : {100000, 60}) {
+    const Scene expected = ReadSceneWithFewKeypoints(path_, max_num_keypoints);
+    Scene scene = ReadSceneWithFewKeypoints(
+        path_, max_num_keypoints, SceneContent::PAIRS);
+    scene.match_source = std::make_shared<StoredMatches>(path_, scene);
+    ASSERT_EQ(scene.matches.size(), expected.matches.size());
+    for (const auto& [pair_id, matches] : expected.matches) {
+      EXPECT_TRUE(scene.matches.at(pair_id).empty());
+      const colmap::FeatureMatches read = MatchesOf(scene, pair_id);
+      ASSERT_EQ(read.size(), matches.size());
+      for (size_t i = 0; i < read.size(); ++i) {
+        EXPECT_EQ(read[i].point2D_idx1, matches[i].point2D_idx1);
+        EXPECT_EQ(read[i].point2D_idx2, matches[i].point2D_idx2);
+      }
+    }
   }
 }
 

@@ -20,7 +20,12 @@ double ErrorOfChain(
     }
     if (i + 10 * reach < num_columns) pattern.emplace_back(i, i + 10 * reach);
   }
-  ReducedSystem system(num_columns, pattern, max_num_factor_entries);
+  ReducedSystem system(
+      num_columns,
+      [&](const auto& couple) {
+        for (const auto& [column1, column2] : pattern) couple(column1, column2);
+      },
+      max_num_factor_entries);
   Eigen::MatrixXd expected =
       (2 * reach + 3) * Eigen::MatrixXd::Identity(num_columns, num_columns);
   std::mt19937 rng(1);
@@ -63,7 +68,7 @@ TEST(ReducedSystem, SystemWithLargeFactorIsSolvedIteratively) {
 
 TEST(ReducedSystem, IndefiniteMatrixFails) {
   for (const int num_columns : {2, 1000}) {
-    ReducedSystem system(num_columns, {{0, 1}});
+    ReducedSystem system(num_columns, [](const auto& couple) { couple(0, 1); });
     system.SetZero();
     for (int i = 0; i < num_columns; ++i) {
       system.Values()[system.EntryOf(i, i)] = 1;

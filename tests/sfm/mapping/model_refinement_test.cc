@@ -109,26 +109,27 @@ TEST(Retriangulate, RestoresDeletedPoints) {
   for (size_t i = 0; i < point_ids.size(); i += 2) {
     model.DeletePoint3D(point_ids[i]);
   }
-  colmap::CorrespondenceGraph graph;
-  BuildCorrespondenceGraph(
-      scene, {}, PairVerificationOptions(), 2, model, &graph);
-  EXPECT_GT(Retriangulate(ModelRefinementOptions(), graph, &model), 0);
+  const AgreeingMatches matches =
+      MatchesThatAgree(scene, {}, PairVerificationOptions(), 2, model);
+  EXPECT_GT(Retriangulate(ModelRefinementOptions(), matches, &model), 0);
   // COLMAP leaves out tracks of two views; some others have small angles.
   EXPECT_GT(double(CountLongPoints(model)), 0.95 * double(num_points));
 }
 
-TEST(BuildCorrespondenceGraph, LeavesOutWhatEpipolarLinesCannotJudge) {
+TEST(MatchesThatAgree, LeaveOutWhatEpipolarLinesCannotJudge) {
   const SyntheticScene synthetic = Ring();
   const Scene scene = SceneFromSynthetic(synthetic);
   const colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   PairGeometries pairs;
   pairs[PairIdOfImages(1, 2)].status = PairStatus::LOW_PAIR_SCORE;
   pairs[PairIdOfImages(2, 3)].status = PairStatus::TOO_FEW_INLIERS;
-  colmap::CorrespondenceGraph graph;
-  BuildCorrespondenceGraph(
-      scene, pairs, PairVerificationOptions(), 2, model, &graph);
-  EXPECT_EQ(graph.NumCorrespondencesBetweenImages(1, 2), 0);
-  EXPECT_GT(graph.NumCorrespondencesBetweenImages(2, 3), 0);
+  const AgreeingMatches matches =
+      MatchesThatAgree(scene, pairs, PairVerificationOptions(), 2, model);
+  EXPECT_EQ(matches.count(PairIdOfImages(1, 2)), 0);
+  ASSERT_EQ(matches.count(PairIdOfImages(2, 3)), 1);
+  // What is one point already.
+  EXPECT_LT(matches.at(PairIdOfImages(2, 3)).size(),
+            scene.matches.at(PairIdOfImages(2, 3)).size());
 }
 
 TEST(UpdatePointErrors, StoresTheMeanReprojectionError) {
