@@ -1,6 +1,7 @@
 #include "estimators/two_view/two_view_geometry_depth.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "estimators/random.h"
 #include "estimators/two_view/two_view_final.h"
@@ -8,6 +9,7 @@
 #include "estimators/two_view/two_view_published.h"
 #include "estimators/two_view/two_view_search.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -67,9 +69,34 @@ void CheckInput(const TwoViewDepthInput& input,
   }
 }
 
-// The candidate with depth, unless the depths are no evidence or cost it more
-// inliers than can be chance: the one without has more freedom to fit outliers.
-// The result comes with a mask of zeros.
+// How much less than the model with depth, by Sampson errors, the one without
+// has to cost [px^2]: it has more freedom to fit outliers. Depths of little
+// noise, and those of degenerate pairs, are right about what matches hardly
+// determine; the smooth errors of others decide no more than the noise of the
+// points leaves open.
+double MinGain(const TwoViewProblem& problem,
+               const TwoViewScore& score,
+               const TwoViewDepthResult& result) {
+  constexpr double kMaxTrustedDepthNoise = 0.03;
+  const TwoViewDepthOptions& options = problem.Options();
+  const double sq_threshold =
+      options.max_epipolar_error_px * options.max_epipolar_error_px;
+  const double min_gain = options.min_num_depth_matches * sq_threshold;
+  const bool is_degenerate =
+      result.degeneracy.planar || result.degeneracy.rotation_only;
+  if (is_degenerate || result.depth_noise <= kMaxTrustedDepthNoise ||
+      score.num_inliers == 0) {
+    return min_gain;
+  }
+  const double num_outliers =
+      static_cast<double>(problem.Data().size()) - score.num_inliers;
+  const double variance =
+      (score.cost - num_outliers * sq_threshold) / score.num_inliers;
+  return std::min(min_gain, kMaxDeviation * kMaxDeviation * variance);
+}
+
+// The candidate with depth, unless the depths are no evidence or contradict the
+// points. The result comes with a mask of zeros.
 void Finish(const TwoViewProblem& problem,
             const TwoViewSearchResult& found,
             SplitMix64* random,
@@ -80,11 +107,9 @@ void Finish(const TwoViewProblem& problem,
   double max_cost = std::numeric_limits<double>::infinity();
   if (has_depth &&
       (!has_alternative || problem.DepthsAreEvidence(found.with_depth.model))) {
-    const double max_error_px = problem.Options().max_epipolar_error_px;
-    max_cost =
-        FinishTwoViewModel(problem, found.with_depth, random, result)
-            .score.cost -
-        problem.Options().min_num_depth_matches * max_error_px * max_error_px;
+    const TwoViewScore score =
+        FinishTwoViewModel(problem, found.with_depth, random, result).score;
+    max_cost = score.cost - MinGain(problem, score, *result);
   }
   if (!has_alternative || found.without_depth.score.cost > max_cost) return;
   if (FinishTwoViewModel(problem, found.without_depth, random, &alternative)
