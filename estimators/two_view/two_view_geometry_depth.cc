@@ -69,30 +69,42 @@ void CheckInput(const TwoViewDepthInput& input,
   }
 }
 
-// How much less than the model with depth, by Sampson errors, the one without
-// has to cost [px^2]: it has more freedom to fit outliers. Depths of little
-// noise, and those of degenerate pairs, are right about what matches hardly
-// determine; the smooth errors of others decide no more than the noise of the
-// points leaves open.
-double MinGain(const TwoViewProblem& problem,
-               const TwoViewScore& score,
-               const TwoViewDepthResult& result) {
-  constexpr double kMaxTrustedDepthNoise = 0.03;
-  const TwoViewDepthOptions& options = problem.Options();
-  const double sq_threshold =
-      options.max_epipolar_error_px * options.max_epipolar_error_px;
-  const double min_gain = options.min_num_depth_matches * sq_threshold;
-  const bool is_degenerate =
-      result.degeneracy.planar || result.degeneracy.rotation_only;
-  if (is_degenerate || result.depth_noise <= kMaxTrustedDepthNoise ||
-      score.num_inliers == 0) {
-    return min_gain;
-  }
+// Variance of the Sampson errors of inliers [px^2].
+double SampsonVariance(const TwoViewProblem& problem,
+                       const TwoViewScore& score) {
+  const double max_error_px = problem.Options().max_epipolar_error_px;
   const double num_outliers =
       static_cast<double>(problem.Data().size()) - score.num_inliers;
-  const double variance =
-      (score.cost - num_outliers * sq_threshold) / score.num_inliers;
-  return std::min(min_gain, kMaxDeviation * kMaxDeviation * variance);
+  return (score.cost - num_outliers * max_error_px * max_error_px) /
+         std::max(score.num_inliers, 1);
+}
+
+// How much less than a model with depth, by Sampson errors, the one without has
+// to cost [px^2]: it has more freedom to fit outliers. If it agrees with the
+// depths, too, their smooth errors decide no more than the noise of the points
+// leaves open; but depths of little noise, and those of degenerate pairs, are
+// right about what matches hardly determine.
+double MinGain(const TwoViewProblem& problem,
+               const TwoViewScore& score_with_depth,
+               const TwoViewDepthResult& result_with_depth,
+               TwoViewModel alternative) {
+  constexpr double kMaxTrustedDepthNoise = 0.03;
+  const TwoViewDegeneracy& degeneracy = result_with_depth.degeneracy;
+  const FocalCase focal_case = problem.Range().focal_case;
+  const double max_error_px = problem.Options().max_epipolar_error_px;
+  const double min_gain =
+      problem.Options().min_num_depth_matches * max_error_px * max_error_px;
+  // Two or one-sided focal lengths are the ones that depths determine best.
+  const bool points_decide =
+      (focal_case == FocalCase::KNOWN || focal_case == FocalCase::SHARED) &&
+      result_with_depth.depth_noise > kMaxTrustedDepthNoise &&
+      !degeneracy.planar && !degeneracy.rotation_only &&
+      problem.AttachScale(&alternative) &&
+      problem.DepthsAreEvidence(alternative);
+  if (!points_decide) return min_gain;
+  return std::min(min_gain,
+                  kMaxDeviation * kMaxDeviation *
+                      SampsonVariance(problem, score_with_depth));
 }
 
 // The candidate with depth, unless the depths are no evidence or contradict the
@@ -109,7 +121,8 @@ void Finish(const TwoViewProblem& problem,
       (!has_alternative || problem.DepthsAreEvidence(found.with_depth.model))) {
     const TwoViewScore score =
         FinishTwoViewModel(problem, found.with_depth, random, result).score;
-    max_cost = score.cost - MinGain(problem, score, *result);
+    max_cost = score.cost -
+               MinGain(problem, score, *result, found.without_depth.model);
   }
   if (!has_alternative || found.without_depth.score.cost > max_cost) return;
   if (FinishTwoViewModel(problem, found.without_depth, random, &alternative)
