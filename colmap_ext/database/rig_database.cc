@@ -78,10 +78,12 @@ class RigReader {
     rigs_.rigs[rig_id].cam_from_rig[id] = cam_from_rig;
   }
 
+  // Rigs of one camera are no rigs here: what they name may be gone.
   void ReadReferences() {
     SqliteStatement select(
         connection_,
-        "SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = ? "
+        "SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = ?1 "
+        "AND rig_id IN (SELECT rig_id FROM rig_sensors WHERE sensor_type = ?1) "
         "ORDER BY rig_id");
     select.Bind(kCameraSensorType);
     while (select.Step()) {
@@ -115,12 +117,15 @@ class RigReader {
     }
   }
 
+  // Frames keep the images that the database still has.
   void ReadFrames() {
     SqliteStatement select(
         connection_,
         "SELECT frames.frame_id, rig_id, data_id, sensor_id FROM frames "
         "JOIN frame_data ON frames.frame_id = frame_data.frame_id "
-        "WHERE sensor_type = ? ORDER BY frames.frame_id, data_id");
+        "WHERE sensor_type = ?1 "
+        "AND rig_id IN (SELECT rig_id FROM rig_sensors WHERE sensor_type = ?1) "
+        "ORDER BY frames.frame_id, data_id");
     select.Bind(kCameraSensorType);
     std::set<colmap::image_t> seen;
     while (select.Step()) {
@@ -131,9 +136,7 @@ class RigReader {
       const std::string where = "frame " + std::to_string(frame_id) +
                                 ", image " + std::to_string(image_id);
       const auto image = scene_.images.find(image_id);
-      if (image_id != select.Int(2) || image == scene_.images.end()) {
-        Fail(rig_id, where + ": does not exist");
-      }
+      if (image_id != select.Int(2) || image == scene_.images.end()) continue;
       const auto rig = rigs_.rigs.find(rig_id);
       if (rig == rigs_.rigs.end() ||
           rig->second.cam_from_rig.count(camera_id) == 0 ||

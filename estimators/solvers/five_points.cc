@@ -148,7 +148,7 @@ EssentialMatrices SolveFivePoints(
       term(k, l, m) + term(l, m, k) + term(m, k, l);
 
   EssentialMatrices solutions;
-  const auto roots = FindRealRoots(determinant);
+  const auto roots = FindRealRootsBySturm(determinant);
   for (int i = 0; i < roots.count; ++i) {
     const double z = roots.values[i];
     const auto at = [z](const Equation& equation) {

@@ -1,6 +1,7 @@
 #include "estimators/two_view/two_view_geometry_depth.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "estimators/random.h"
 #include "estimators/two_view/two_view_final.h"
@@ -8,6 +9,7 @@
 #include "estimators/two_view/two_view_published.h"
 #include "estimators/two_view/two_view_search.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -67,9 +69,46 @@ void CheckInput(const TwoViewDepthInput& input,
   }
 }
 
-// The candidate with depth, unless the depths are no evidence or cost it more
-// inliers than can be chance: the one without has more freedom to fit outliers.
-// The result comes with a mask of zeros.
+// Variance of the Sampson errors of inliers [px^2].
+double SampsonVariance(const TwoViewProblem& problem,
+                       const TwoViewScore& score) {
+  const double max_error_px = problem.Options().max_epipolar_error_px;
+  const double num_outliers =
+      static_cast<double>(problem.Data().size()) - score.num_inliers;
+  return (score.cost - num_outliers * max_error_px * max_error_px) /
+         std::max(score.num_inliers, 1);
+}
+
+// How much less than a model with depth, by Sampson errors, the one without has
+// to cost [px^2]: it has more freedom to fit outliers. If it agrees with the
+// depths, too, their smooth errors decide no more than the noise of the points
+// leaves open; but depths of little noise, and those of degenerate pairs, are
+// right about what matches hardly determine.
+double MinGain(const TwoViewProblem& problem,
+               const TwoViewScore& score_with_depth,
+               const TwoViewDepthResult& result_with_depth,
+               TwoViewModel alternative) {
+  constexpr double kMaxTrustedDepthNoise = 0.03;
+  const TwoViewDegeneracy& degeneracy = result_with_depth.degeneracy;
+  const FocalCase focal_case = problem.Range().focal_case;
+  const double max_error_px = problem.Options().max_epipolar_error_px;
+  const double min_gain =
+      problem.Options().min_num_depth_matches * max_error_px * max_error_px;
+  // Two or one-sided focal lengths are the ones that depths determine best.
+  const bool points_decide =
+      (focal_case == FocalCase::KNOWN || focal_case == FocalCase::SHARED) &&
+      result_with_depth.depth_noise > kMaxTrustedDepthNoise &&
+      !degeneracy.planar && !degeneracy.rotation_only &&
+      problem.AttachScale(&alternative) &&
+      problem.DepthsAreEvidence(alternative);
+  if (!points_decide) return min_gain;
+  return std::min(min_gain,
+                  kMaxDeviation * kMaxDeviation *
+                      SampsonVariance(problem, score_with_depth));
+}
+
+// The candidate with depth, unless the depths are no evidence or contradict the
+// points. The result comes with a mask of zeros.
 void Finish(const TwoViewProblem& problem,
             const TwoViewSearchResult& found,
             SplitMix64* random,
@@ -80,11 +119,10 @@ void Finish(const TwoViewProblem& problem,
   double max_cost = std::numeric_limits<double>::infinity();
   if (has_depth &&
       (!has_alternative || problem.DepthsAreEvidence(found.with_depth.model))) {
-    const double max_error_px = problem.Options().max_epipolar_error_px;
-    max_cost =
-        FinishTwoViewModel(problem, found.with_depth, random, result)
-            .score.cost -
-        problem.Options().min_num_depth_matches * max_error_px * max_error_px;
+    const TwoViewScore score =
+        FinishTwoViewModel(problem, found.with_depth, random, result).score;
+    max_cost = score.cost -
+               MinGain(problem, score, *result, found.without_depth.model);
   }
   if (!has_alternative || found.without_depth.score.cost > max_cost) return;
   if (FinishTwoViewModel(problem, found.without_depth, random, &alternative)

@@ -63,7 +63,7 @@ struct TwoViewDepthOptions {
   double max_focal_length_ratio = 4.0;
   // Fewer matches with depth than this prove nothing: neither do samples with
   // depth take part nor do depths fix a scale, and a model without depth has to
-  // gain so many matches over one with depth.
+  // gain so many matches over one whose depths have little noise.
   int min_num_depth_matches = 15;
   // The published estimator (two_view_published.h) instead of this project's.
   // It makes exactly max_num_trials trials and uses neither the other limits

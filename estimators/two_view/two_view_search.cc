@@ -56,6 +56,7 @@ class Search {
 
   void Try(Stream* stream);
   void OptimizeBest(Stream* stream);
+  void SampleNearBest();
   TwoViewCandidate Optimize(const TwoViewModel& start,
                             FirstRound first_round,
                             bool with_depth) const;
@@ -131,6 +132,7 @@ TwoViewSearchResult Search::Run() {
       break;
     }
   }
+  if (!IsHopeless()) SampleNearBest();
   return result_;
 }
 
@@ -174,6 +176,34 @@ void Search::OptimizeWithoutDepth(const TwoViewModel& model) {
   TwoViewModel scaled = candidate.model;
   if (problem_.NumDepthMatches() > 0 && problem_.AttachScale(&scaled)) {
     Keep(Optimize(scaled, ATTACHED, true));
+  }
+}
+
+// Local optimisation stops at the next minimum. Samples without depth among the
+// matches near the best model are mostly good, also where few matches are, and
+// lead out of it.
+void Search::SampleNearBest() {
+  constexpr int kNumRounds = 3;
+  constexpr int kNumTrials = 20;
+  constexpr double kWidening = 8;
+  for (int round = 0; round < kNumRounds; ++round) {
+    const TwoViewCandidate& best =
+        result_.with_depth.score.cost < result_.without_depth.score.cost
+            ? result_.with_depth
+            : result_.without_depth;
+    if (!std::isfinite(best.cost)) return;
+    const TwoViewData& data = problem_.Data();
+    const TwoViewData near =
+        Subset(data,
+               problem_.Near(best.model,
+                             kWidening * options_.max_epipolar_error_px,
+                             static_cast<int>(data.size())));
+    Stream stream;
+    stream.source = CreateEpipolarHypothesisSource(near, problem_.Range());
+    if (stream.source.sample_size == 0) return;
+    for (int trial = 0; trial < kNumTrials; ++trial) Try(&stream);
+    result_.num_trials += kNumTrials;
+    if (!stream.is_optimized) OptimizeBest(&stream);
   }
 }
 
