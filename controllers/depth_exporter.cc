@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/depth/depth_map_io.h"
 #include "colmap_ext/depth/depth_undistortion.h"
 #include "colmap_ext/output_file.h"
@@ -11,6 +12,7 @@
 #include "controllers/progress.h"
 #include "controllers/sparse_model.h"
 #include "controllers/splatting_depth.h"
+#include "estimators/affine_depth_fit.h"
 #include "estimators/median.h"
 
 #include <algorithm>
@@ -42,6 +44,26 @@ void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
       if (!std::isfinite(depth)) depth = 0;
     }
   }
+}
+
+// Turns a map of unknown scale and shift into depth in the unit of the model,
+// by the points that its image sees; false if there are too few, or they do not
+// fit.
+bool ConvertByPoints(const SparseModel& model,
+                     const std::string& image_name,
+                     DepthMap* depth_map) {
+  const bool is_disparity = depth_map->unit == kAffineDisparity;
+  std::vector<AffineDepthSample> samples;
+  for (const DepthCorrespondence& point :
+       FindDepthCorrespondences(model, image_name, *depth_map)) {
+    samples.push_back(
+        {point.map_depth,
+         is_disparity ? 1 / point.point_depth : point.point_depth});
+  }
+  const AffineDepthFit fit = FitAffineDepth({samples}, AffineDepthFitOptions());
+  if (!fit.success) return false;
+  ConvertAffine({depth_map->unit, fit.scales[0], fit.shift, 0}, depth_map);
+  return true;
 }
 
 std::string FileName(const std::string& image_name, DepthExportFormat format) {
@@ -176,9 +198,19 @@ class Exporter {
     Progress progress(label, jobs->size());
     ParallelFor(jobs->size(), options_.num_threads, [&](size_t i) {
       Job& job = (*jobs)[i];
-      function(&job,
-               DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
-                   .ReadDepthMap(job.image_id));
+      DepthMap map =
+          DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+              .ReadDepthMap(job.image_id);
+      if (IsAffine(map.unit) && !model_) {
+        throw std::runtime_error(
+            "the map of image " + job.name +
+            " is relative: it becomes depth by a model alone (--input_path)");
+      }
+      if (IsAffine(map.unit) && !ConvertByPoints(*model_, job.name, &map)) {
+        job.has_few_points = true;
+      } else {
+        function(&job, std::move(map));
+      }
       progress.Step();
     });
   }

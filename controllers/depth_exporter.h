@@ -46,7 +46,7 @@ struct DepthExportSummary {
   // In the order of image ids.
   std::vector<Image> exported;
   // Those without a depth map in the database, not in the model, or with too
-  // few points in it.
+  // few points in it (relative maps, also with points that do not fit).
   std::vector<std::string> images_without_map;
   std::vector<std::string> images_without_model;
   std::vector<std::string> images_with_few_points;
@@ -60,6 +60,9 @@ struct DepthExportSummary {
 // which the largest is taken), the maps are in its unit and fitted to its
 // points (see AlignDepth); alignment.json in output_path has scale, shift,
 // residuals and number of points of each image.
+//
+// Relative disparity and relative depth get their scale and shift by the points
+// of the model, without which they are refused.
 //
 // Maps are of their own size and cover the image as it is in the database, or
 // as it is in the undistorted model, which dense stereo and splatting expect.

@@ -3,6 +3,7 @@
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/commands.h"
+#include "controllers/relative_depth_stage.h"
 #include "estimators/option_check.h"
 #include "sfm/intrinsics/prior_trust.h"
 
@@ -240,9 +241,12 @@ VerificationSummary VerifyDatabasePairs(
   std::vector<StageReport> stages;
   Scene scene = ReadSceneWithoutMatches(options.database_path);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
-  const KeypointDepthMap depths = LoadDepths(options, {}, &stages);
+  KeypointDepthMap depths = LoadDepths(options, {}, &stages);
+  RelativeDepths relative =
+      ConvertRelativeDepths(options, &scene, &depths, &stages);
   StageTimer timer("pair_verification");
   DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
+  verifier.SetConversions(std::move(relative.conversions));
   const DatabasePairVerifier::Fingerprints stored =
       database.ReadPairFingerprints();
   const auto comparison = verifier.Compare(

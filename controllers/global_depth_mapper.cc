@@ -11,6 +11,8 @@
 #include "controllers/mapper_report.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
+#include "controllers/relative_depth_stage.h"
+#include "sfm/mapping/depth_kind_check.h"
 
 #include <cmath>
 #include <filesystem>
@@ -157,11 +159,15 @@ bool GlobalDepthMapper::Run() {
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_, scene, depths);
   }
+  const KeypointDepthMap given_depths = depths;
+  const RelativeDepths relative =
+      ConvertRelativeDepths(options_.verifier, &scene, &depths, &stages);
   PairScores scores;
   if (!options_.pair_scores_path.empty()) {
     scores = ReadPairScores(options_.pair_scores_path, scene);
   }
-  PairGeometries pairs = LoadOrVerifyPairs(scene, depths, &stages);
+  PairGeometries pairs =
+      LoadOrVerifyPairs(scene, depths, relative.conversions, &stages);
 
   // The report shows cameras as the database has them.
   const CameraMap given_cameras = scene.cameras;
@@ -173,12 +179,28 @@ bool GlobalDepthMapper::Run() {
                        &depths,
                        &pairs);
   scene.cameras = given_cameras;
+  for (const std::string& warning :
+       WarningsOfDepthKinds(scene, given_depths, result.models)) {
+    LOG(WARNING) << warning;
+    result.warnings.push_back(warning);
+  }
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   StageModels(folder, &result);
-  WriteMapperReport(folder.StagedFile(kReportFile), scene, pairs, result);
+  WriteMapperReport(
+      folder.StagedFile(kReportFile),
+      scene,
+      pairs,
+      result,
+      {relative.fits, FitRelativeDepthsToModels(given_depths, result.models)});
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
+  PrintSummary(scene, result);
+  return !result.models.empty();
+}
+
+void GlobalDepthMapper::PrintSummary(
+    const Scene& scene, const DepthGlobalMapperResult& result) const {
   size_t num_registered = 0;
   for (const auto& model : result.models) {
     num_registered += model->NumRegImages();
@@ -194,12 +216,12 @@ bool GlobalDepthMapper::Run() {
     std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "
               << reason << std::endl;
   }
-  return !result.models.empty();
 }
 
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
     const Scene& scene,
     const KeypointDepthMap& depths,
+    const AffineDepths& conversions,
     std::vector<StageReport>* stages) const {
   const DepthGeometricVerifierOptions& options = options_.verifier;
   StageTimer timer("pair_verification");
@@ -213,6 +235,7 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
     fingerprints[pair_id] = pair.fingerprint;
   }
   DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
+  verifier.SetConversions(conversions);
   const auto comparison = verifier.Compare(fingerprints);
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);

@@ -21,10 +21,13 @@ class GlobalDepthMapper {
 
  private:
   // Geometries of all pairs of the scene: stored ones that hold, all others
-  // verified.
+  // verified. `conversions`: by what affine maps became `depths`.
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
+                                   const AffineDepths& conversions,
                                    std::vector<StageReport>* stages) const;
+  void PrintSummary(const Scene& scene,
+                    const DepthGlobalMapperResult& result) const;
   void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
   void WritePairStatuses(const PairGeometries& pairs) const;
 

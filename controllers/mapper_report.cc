@@ -66,7 +66,42 @@ Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   return entries;
 }
 
-Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
+Json FitEntry(const RelativeDepthFit& fit) {
+  Json entry;
+  if (!fit.fit.success) {
+    entry["reason"] = fit.fit.reason;
+    return entry;
+  }
+  entry["shift"] = fit.fit.shift;
+  entry["shift_stddev"] = fit.fit.shift_stddev;
+  entry["noise"] = fit.fit.noise;
+  entry["num_points"] = fit.fit.num_samples;
+  return entry;
+}
+
+// Scales have a meaning in the unit of a model alone.
+Json RelativeDepthEntry(const RelativeDepthReport& fits,
+                        colmap::image_t image_id) {
+  const RelativeDepthFit& by_pairs = fits.by_pairs.at(image_id);
+  Json entry;
+  entry["used"] = by_pairs.fit.success;
+  entry["by_pairs"] = FitEntry(by_pairs);
+  if (by_pairs.fit.success) {
+    entry["by_pairs"]["num_pairs"] = by_pairs.fit.num_pairs;
+  }
+  const auto by_model = fits.by_models.find(image_id);
+  if (by_model == fits.by_models.end()) return entry;
+  entry["by_model"] = FitEntry(by_model->second);
+  if (by_model->second.fit.success) {
+    entry["by_model"]["scale"] = by_model->second.fit.scales[0];
+    entry["by_model"]["scale_stddev"] = by_model->second.fit.scale_stddevs[0];
+  }
+  return entry;
+}
+
+Json ImageEntries(const Scene& scene,
+                  const DepthGlobalMapperResult& result,
+                  const RelativeDepthReport& relative_depths) {
   Json entries;
   for (const auto& [image_id, image] : scene.images) {
     Json entry;
@@ -79,6 +114,9 @@ Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
     const auto scale = result.depth_scales.find(image_id);
     if (scale != result.depth_scales.end()) {
       entry["depth_scale"] = scale->second;
+    }
+    if (relative_depths.by_pairs.count(image_id) > 0) {
+      entry["relative_depth"] = RelativeDepthEntry(relative_depths, image_id);
     }
     entries.push_back(entry);
   }
@@ -109,7 +147,8 @@ std::string PairLines(const Scene& scene, const PairGeometries& pairs) {
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,
                        const PairGeometries& pairs,
-                       const DepthGlobalMapperResult& result) {
+                       const DepthGlobalMapperResult& result,
+                       const RelativeDepthReport& relative_depths) {
   Json report;
   report["stages"] = StageEntries(result.stages);
   const PairTotals totals = CountPairs(pairs);
@@ -139,7 +178,7 @@ void WriteMapperReport(const std::string& path,
         {"median_translation_deg", metrics.median_translation_error_deg}};
   }
   report["cameras"] = CameraEntries(scene, result);
-  report["images"] = ImageEntries(scene, result);
+  report["images"] = ImageEntries(scene, result, relative_depths);
   std::string text = JsonText(report, 2);
   text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
   WriteFile(

@@ -4,15 +4,24 @@
 #pragma once
 
 #include "sfm/global_mapping.h"
+#include "sfm/verification/relative_depth.h"
 
 #include <string>
 
 namespace dgsfm {
 
+// Maps of unknown scale and shift: the fits by pairs, which the mapping used,
+// and by the points of the models.
+struct RelativeDepthReport {
+  RelativeDepthFits by_pairs;
+  RelativeDepthFits by_models;
+};
+
 // Throws std::runtime_error if the file cannot be written.
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,
                        const PairGeometries& pairs,
-                       const DepthGlobalMapperResult& result);
+                       const DepthGlobalMapperResult& result,
+                       const RelativeDepthReport& relative_depths = {});
 
 }  // namespace dgsfm

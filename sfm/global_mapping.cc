@@ -110,10 +110,14 @@ void MapComponents(const MappingContext& context,
 void MeasureUnits(const KeypointDepthMap& depths,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
+  const bool is_any_metric =
+      std::any_of(depths.begin(), depths.end(), [](const auto& image) {
+        return image.second.unit == DepthUnit::METRIC;
+      });
   for (const auto& model : result->models) {
     const MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
     result->units.push_back(unit);
-    if (!unit.IsDoubtful()) continue;
+    if (!unit.IsDoubtful() || !is_any_metric) continue;
     std::ostringstream factor;
     factor << std::setprecision(2) << std::exp(unit.log_spread);
     log->Warn("The scales of the depth maps of a model with " +

@@ -13,10 +13,13 @@ void AddMeaningOfNumbers(std::string* depth_type,
                          std::string* depth_unit,
                          DepthImportOptions* options,
                          CommandOptions* command) {
-  command->Add("depth_type",
-               depth_type,
-               "What the numbers are: z (third coordinate), range (length of "
-               "the ray) or inverse (1 / z)");
+  command->Add(
+      "depth_type",
+      depth_type,
+      "What the numbers are: z (third coordinate), range (length of "
+      "the ray), inverse (1 / z), or up to an unknown scale and shift "
+      "per image relative_disparity (a / z + b: Depth Anything, MiDaS, "
+      "DPT) or relative_depth (a z + b: Marigold)");
   command->Add("depth_scale",
                &options->reading.scale,
                "Depth per unit of the files, e.g. 0.001 for millimetres; for "
@@ -98,12 +101,15 @@ int RunDepthImporter(int argc, char** argv) {
   AddStorage(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
   std::string error;
-  if (!ParseChoice<DepthType>("depth_type",
-                              depth_type,
-                              {{"z", DepthType::Z},
-                               {"range", DepthType::RANGE},
-                               {"inverse", DepthType::INVERSE}},
-                              &options.reading.type) ||
+  if (!ParseChoice<DepthType>(
+          "depth_type",
+          depth_type,
+          {{"z", DepthType::Z},
+           {"range", DepthType::RANGE},
+           {"inverse", DepthType::INVERSE},
+           {"relative_disparity", DepthType::RELATIVE_DISPARITY},
+           {"relative_depth", DepthType::RELATIVE_DEPTH}},
+          &options.reading.type) ||
       !ParseChoice<DepthUnit>(
           "depth_unit",
           depth_unit,
