@@ -63,11 +63,14 @@ std::vector<uint32_t> KeypointMerger::AddPair(
       idx = static_cast<uint32_t>(keypoints_.size());
       keypoints_.push_back(point);
       last_pair_.push_back(num_pairs_);
+      // Cells are of the size of the radius, so that neighbours are at most one
+      // cell away.
       cells_.emplace(
           CellKey(static_cast<int64_t>(std::floor(point.x() / cell_size_px_)),
                   static_cast<int64_t>(std::floor(point.y() / cell_size_px_))),
           idx);
     }
+    // Keeps later points of the same pair away from this key point.
     last_pair_[idx] = num_pairs_;
     indices.push_back(idx);
   }

@@ -98,6 +98,8 @@ void OutputFile::Flush() {
   for (size_t i = 0; i < buffer_.size();) {
     const ssize_t num_written =
         write(descriptor_, buffer_.data() + i, buffer_.size() - i);
+    // A signal, such as that of a resized terminal, interrupts the call without
+    // making it fail.
     if (num_written < 0 && errno == EINTR) continue;
     if (num_written <= 0) Fail(path_);
     i += static_cast<size_t>(num_written);
@@ -109,6 +111,8 @@ void OutputFile::Commit() {
   Flush();
   // Streams have nothing to be synced.
   if (!partial_path_.empty() && fsync(descriptor_) != 0) Fail(path_);
+  // Even a close that fails releases the descriptor, so it is never closed
+  // twice.
   const int descriptor = descriptor_;
   descriptor_ = -1;
   if (close(descriptor) != 0) Fail(path_);

@@ -5,94 +5,80 @@
 
 namespace dgsfm {
 
-std::string PairStatusName(PairStatus status) {
-  switch (status) {
-    case PairStatus::VALID:
-      return "valid";
-    case PairStatus::TOO_FEW_MATCHES:
-      return "too_few_matches";
-    case PairStatus::NO_GEOMETRY:
-      return "no_geometry";
-    case PairStatus::TOO_FEW_INLIERS:
-      return "too_few_inliers";
-    case PairStatus::LOW_INLIER_RATIO:
-      return "low_inlier_ratio";
-    case PairStatus::SCALE_OUT_OF_RANGE:
-      return "scale_out_of_range";
-    case PairStatus::DEPTH_INCONSISTENT:
-      return "depth_inconsistent";
-    case PairStatus::LOW_PAIR_SCORE:
-      return "low_pair_score";
-    case PairStatus::LOW_TRIPLET_SUPPORT:
-      return "low_triplet_support";
-    case PairStatus::ROTATION_OUTLIER:
-      return "rotation_outlier";
-    case PairStatus::STATIONARY:
-      return "stationary";
-    case PairStatus::TRANSLATION_OUTLIER:
-      return "translation_outlier";
-    case PairStatus::MODEL_OUTLIER:
-      return "model_outlier";
+namespace {
+
+using StatusName = std::pair<PairStatus, const char*>;
+constexpr StatusName kStatusNames[] = {
+    {PairStatus::VALID, "valid"},
+    {PairStatus::TOO_FEW_MATCHES, "too_few_matches"},
+    {PairStatus::NO_GEOMETRY, "no_geometry"},
+    {PairStatus::TOO_FEW_INLIERS, "too_few_inliers"},
+    {PairStatus::LOW_INLIER_RATIO, "low_inlier_ratio"},
+    {PairStatus::SCALE_OUT_OF_RANGE, "scale_out_of_range"},
+    {PairStatus::DEPTH_INCONSISTENT, "depth_inconsistent"},
+    {PairStatus::LOW_PAIR_SCORE, "low_pair_score"},
+    {PairStatus::LOW_TRIPLET_SUPPORT, "low_triplet_support"},
+    {PairStatus::ROTATION_OUTLIER, "rotation_outlier"},
+    {PairStatus::STATIONARY, "stationary"},
+    {PairStatus::TRANSLATION_OUTLIER, "translation_outlier"},
+    {PairStatus::MODEL_OUTLIER, "model_outlier"}};
+
+using StageName = std::pair<PairStage, const char*>;
+constexpr StageName kStageNames[] = {
+    {PairStage::VERIFICATION, "verification"},
+    {PairStage::STATIC_BACKGROUND, "static_background"},
+    {PairStage::DEPTH_RELIABILITY, "depth_reliability"},
+    {PairStage::VIEW_GRAPH_FILTER, "view_graph_filter"},
+    {PairStage::REVERIFICATION, "reverification"},
+    {PairStage::ROTATION_AVERAGING, "rotation_averaging"},
+    {PairStage::TRANSLATION_AVERAGING, "translation_averaging"},
+    {PairStage::PAIR_JUDGING, "pair_judging"}};
+
+using DegeneracyName = std::pair<PairDegeneracy, const char*>;
+constexpr DegeneracyName kDegeneracyNames[] = {
+    {PairDegeneracy::PLANAR, "planar"},
+    {PairDegeneracy::ROTATION_ONLY, "rotation_only"},
+    {PairDegeneracy::STATIONARY, "stationary"},
+    {PairDegeneracy::WEAK_FOCAL1, "weak_focal1"},
+    {PairDegeneracy::WEAK_FOCAL2, "weak_focal2"}};
+
+// Numbers of databases are converted to enumerations unchecked: any may come.
+template <typename Names, typename Value>
+std::string NameOf(const Names& names, Value value, const std::string& what) {
+  for (const auto& [named_value, name] : names) {
+    if (named_value == value) return name;
   }
-  throw std::invalid_argument("unknown pair status " +
-                              std::to_string(static_cast<int>(status)));
+  throw std::invalid_argument("unknown " + what + " " +
+                              std::to_string(static_cast<int>(value)));
+}
+
+}  // namespace
+
+std::string PairStatusName(PairStatus status) {
+  return NameOf(kStatusNames, status, "pair status");
 }
 
 std::string PairStageName(PairStage stage) {
-  switch (stage) {
-    case PairStage::VERIFICATION:
-      return "verification";
-    case PairStage::STATIC_BACKGROUND:
-      return "static_background";
-    case PairStage::DEPTH_RELIABILITY:
-      return "depth_reliability";
-    case PairStage::VIEW_GRAPH_FILTER:
-      return "view_graph_filter";
-    case PairStage::REVERIFICATION:
-      return "reverification";
-    case PairStage::ROTATION_AVERAGING:
-      return "rotation_averaging";
-    case PairStage::TRANSLATION_AVERAGING:
-      return "translation_averaging";
-    case PairStage::PAIR_JUDGING:
-      return "pair_judging";
-  }
-  throw std::invalid_argument("unknown stage of pairs " +
-                              std::to_string(static_cast<int>(stage)));
+  return NameOf(kStageNames, stage, "stage of pairs");
 }
 
 const std::vector<PairDegeneracy>& PairDegeneracies() {
-  static const std::vector<PairDegeneracy> kAll = {
-      PairDegeneracy::PLANAR,
-      PairDegeneracy::ROTATION_ONLY,
-      PairDegeneracy::STATIONARY,
-      PairDegeneracy::WEAK_FOCAL1,
-      PairDegeneracy::WEAK_FOCAL2};
+  static const std::vector<PairDegeneracy> kAll = [] {
+    std::vector<PairDegeneracy> all;
+    for (const auto& [value, name] : kDegeneracyNames) all.push_back(value);
+    return all;
+  }();
   return kAll;
 }
 
 std::string PairDegeneracyName(PairDegeneracy degeneracy) {
-  switch (degeneracy) {
-    case PairDegeneracy::PLANAR:
-      return "planar";
-    case PairDegeneracy::ROTATION_ONLY:
-      return "rotation_only";
-    case PairDegeneracy::STATIONARY:
-      return "stationary";
-    case PairDegeneracy::WEAK_FOCAL1:
-      return "weak_focal1";
-    case PairDegeneracy::WEAK_FOCAL2:
-      return "weak_focal2";
-  }
-  throw std::invalid_argument(
-      "unknown pair degeneracy " +
-      std::to_string(static_cast<uint32_t>(degeneracy)));
+  return NameOf(kDegeneracyNames, degeneracy, "pair degeneracy");
 }
 
 void PairTotals::Add(PairStatus status, uint32_t degeneracies, size_t count) {
   num_with_status[status] += count;
   if (status != PairStatus::VALID) return;
-  for (const PairDegeneracy degeneracy : PairDegeneracies()) {
+  for (const auto& [degeneracy, name] : kDegeneracyNames) {
     if (degeneracies & static_cast<uint32_t>(degeneracy)) {
       num_valid_with_degeneracy[degeneracy] += count;
     }

@@ -1,5 +1,7 @@
 #include "colmap_ext/parallel.h"
 
+#include "colmap_ext/cancellation.h"
+
 #include <algorithm>
 #include <atomic>
 #include <exception>
@@ -20,15 +22,21 @@ void ParallelFor(size_t count,
   const size_t num_workers =
       std::min<size_t>(EffectiveNumThreads(num_threads), count);
   if (num_workers <= 1) {
-    for (size_t i = 0; i < count; ++i) function(i);
+    for (size_t i = 0; i < count; ++i) {
+      ThrowIfCancelled();
+      function(i);
+    }
     return;
   }
   std::atomic<size_t> next(0);
   std::exception_ptr error;
   std::mutex error_mutex;
+  const CancellationFlag* flag = CurrentCancellationFlag();
   const auto work = [&]() {
+    const CancellationScope scope(flag);
     for (size_t i = next++; i < count; i = next++) {
       try {
+        ThrowIfCancelled();
         function(i);
       } catch (...) {
         const std::lock_guard<std::mutex> lock(error_mutex);

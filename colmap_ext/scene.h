@@ -5,6 +5,7 @@
 
 #include "colmap_ext/focal_prior.h"
 #include "colmap_ext/formats/image_exif.h"
+#include "colmap_ext/rig.h"
 
 #include <colmap/util/alignment.h>
 
@@ -51,6 +52,8 @@ struct Scene {
   std::map<colmap::camera_t, ImageExif> exif;
   // Focal lengths in the database that are EXIF data, see SortPriors.
   std::map<colmap::camera_t, FocalPrior> focal_priors;
+  // Images that move together.
+  RigScene rigs;
 };
 
 // Image ids are smaller, so that a pair id fits into 64 bits.

@@ -35,6 +35,7 @@ DatabasePairVerifier::Comparison DatabasePairVerifier::Compare(
     (stored.count(pair.pair_id) > 0 ? compared : comparison.work)
         .push_back(pair);
   }
+  // Not bool, whose elements threads cannot write independently.
   std::vector<char> holds(compared.size());
   ForEach(compared,
           [&](size_t i,
@@ -56,6 +57,8 @@ DatabasePairVerifier::Comparison DatabasePairVerifier::Compare(
       comparison.stale.push_back(pair_id);
     }
   }
+  // The largest pairs come first, so that no thread is left with one in the
+  // end. A cache of features needs neighbours in the order of ids instead.
   std::sort(comparison.work.begin(),
             comparison.work.end(),
             [this](const auto& a, const auto& b) {
@@ -105,6 +108,7 @@ void DatabasePairVerifier::ForEach(const PairSizes& pairs,
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     colmap::FeatureMatches matches;
     {
+      // A connection to SQLite serves one thread at a time.
       const std::lock_guard<std::mutex> lock(mutex_);
       matches = reader_.Read(pair_id);
     }

@@ -3,13 +3,12 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/database/sqlite.h"
-#include "colmap_ext/formats/dense_match_file.h"
 #include "colmap_ext/keypoint_merger.h"
+#include "controllers/image_names.h"
 #include "controllers/progress.h"
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
@@ -37,22 +36,8 @@ CREATE TEMP TABLE dense_match_indices (
 // The images that the names of groups stand for.
 class PairNames {
  public:
-  explicit PairNames(const Scene& scene) {
-    for (const auto& [image_id, image] : scene.images) {
-      const std::string& name = image.Name();
-      std::string flat_name = name;
-      std::replace(flat_name.begin(), flat_name.end(), '/', '-');
-      for (const std::string& alias : std::set<std::string>{
-               name, flat_name, std::filesystem::path(name).filename()}) {
-        const auto [it, is_new] = image_ids_.emplace(alias, image_id);
-        if (!is_new) it->second = colmap::kInvalidImageId;
-      }
-    }
-    // A full name stands for its image whatever else has it as an alias.
-    for (const auto& [image_id, image] : scene.images) {
-      image_ids_[image.Name()] = image_id;
-    }
-  }
+  explicit PairNames(const Scene& scene)
+      : image_ids_(ImageIdsByName(scene, /*with_flat_names=*/true)) {}
 
   // In the order of the name; nothing unless there is exactly one way to read
   // it.
@@ -72,6 +57,7 @@ class PairNames {
           continue;
         }
         const auto pair = std::make_pair(image1->second, image2->second);
+        // "a-b-c" may be a and b-c, or a-b and c.
         if (found && *found != pair) return std::nullopt;
         found = pair;
       }
@@ -80,8 +66,7 @@ class PairNames {
   }
 
  private:
-  // kInvalidImageId for what several images are called.
-  std::map<std::string, colmap::image_t> image_ids_;
+  const std::map<std::string, colmap::image_t> image_ids_;
 };
 
 struct PairSource {
@@ -152,6 +137,7 @@ class DenseMatchImport {
     }
   }
 
+  // Points outside come from padding that some matchers add to images.
   bool IsInside(const Eigen::Vector2f& point, colmap::image_t image_id) const {
     const colmap::Camera& camera =
         scene_.cameras.at(scene_.images.at(image_id).CameraId());
@@ -180,6 +166,7 @@ class DenseMatchImport {
       kept.points1.push_back(point1);
       kept.points2.push_back(point2);
     }
+    // Assigned, not added: each pair is read once for either image.
     num_left_out_[source.group] = all.points1.size() - kept.points1.size();
     return kept;
   }
@@ -197,10 +184,7 @@ class DenseMatchImport {
         const std::vector<uint32_t> added = merger.AddPair(points);
         indices.insert(indices.end(), added.begin(), added.end());
       }
-      insert_indices_.BindInt(1, static_cast<int64_t>(pair_id))
-          .BindInt(2, image_id)
-          .BindBlob(3, indices)
-          .Run();
+      insert_indices_.Bind(pair_id, image_id, indices).Run();
     }
     std::vector<float> data;
     data.reserve(2 * merger.Keypoints().size());
@@ -212,16 +196,13 @@ class DenseMatchImport {
     SqliteStatement(connection_,
                     "INSERT INTO keypoints(image_id, rows, cols, data) "
                     "VALUES(?, ?, 2, ?)")
-        .BindInt(1, image_id)
-        .BindInt(2, static_cast<int64_t>(merger.Keypoints().size()))
-        .BindBlob(3, data)
+        .Bind(image_id, merger.Keypoints().size(), data)
         .Run();
   }
 
   std::vector<uint32_t> ReadIndices(colmap::image_pair_t pair_id,
                                     colmap::image_t image_id) {
-    select_indices_.BindInt(1, static_cast<int64_t>(pair_id))
-        .BindInt(2, image_id);
+    select_indices_.Bind(pair_id, image_id);
     std::vector<uint32_t> indices;
     if (select_indices_.Step()) indices = select_indices_.Blob<uint32_t>(0);
     select_indices_.Reset();
@@ -255,9 +236,7 @@ class DenseMatchImport {
     SqliteStatement(connection_,
                     "INSERT INTO matches(pair_id, rows, cols, data) "
                     "VALUES(?, ?, 2, ?)")
-        .BindInt(1, static_cast<int64_t>(pair_id))
-        .BindInt(2, static_cast<int64_t>(num_matches))
-        .BindBlob(3, data)
+        .Bind(pair_id, num_matches, data)
         .Run();
   }
 
@@ -317,12 +296,11 @@ std::string DenseMatchImportSummary::ToText() const {
 
 DenseMatchImportSummary ImportDenseMatches(
     const std::string& database_path,
-    const std::string& match_path,
+    const DenseMatchFile& file,
     const DenseMatchImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadSceneWithoutFeatures(database_path);
-  const DenseMatchFile file(match_path);
+  const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
   const SqliteConnection connection(database_path,
                                     SqliteConnection::Mode::READ_WRITE);
   connection.Execute(kCreateIndexTable);

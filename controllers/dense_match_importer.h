@@ -3,6 +3,8 @@
 
 #pragma once
 
+#include "colmap_ext/formats/dense_match_file.h"
+
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -54,7 +56,7 @@ struct DenseMatchImportSummary {
 // Throws std::runtime_error naming file, pair or database.
 DenseMatchImportSummary ImportDenseMatches(
     const std::string& database_path,
-    const std::string& match_path,
+    const DenseMatchFile& file,
     const DenseMatchImportOptions& options);
 
 }  // namespace dgsfm

@@ -19,6 +19,7 @@
 #include <cmath>
 #include <filesystem>
 #include <iomanip>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 
@@ -33,6 +34,7 @@ namespace fs = std::filesystem;
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
 
+// Values that the alignment takes out of range become unknown.
 void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
   size_t i = 0;
   for (int y = 0; y < depth_map->height; ++y) {
@@ -67,19 +69,14 @@ bool ConvertByPoints(const SparseModel& model,
 }
 
 std::string FileName(const std::string& image_name, DepthExportFormat format) {
-  switch (format) {
-    case DepthExportFormat::NPY:
-      return image_name + ".npy";
-    case DepthExportFormat::PNG:
-      return image_name + ".png";
-    case DepthExportFormat::EXR:
-      return image_name + ".exr";
-    case DepthExportFormat::DENSE_BIN:
-      return image_name + ".geometric.bin";
-    case DepthExportFormat::GAUSSIAN_SPLATTING:
-      break;
-  }
-  return SplattingFileName(image_name);
+  static const std::map<DepthExportFormat, std::string> kExtensions = {
+      {DepthExportFormat::NPY, ".npy"},
+      {DepthExportFormat::PNG, ".png"},
+      {DepthExportFormat::EXR, ".exr"},
+      {DepthExportFormat::DENSE_BIN, ".geometric.bin"}};
+  const auto extension = kExtensions.find(format);
+  return extension == kExtensions.end() ? SplattingFileName(image_name)
+                                        : image_name + extension->second;
 }
 
 // An image to be exported, all that is decided before its map is read again.
@@ -118,6 +115,7 @@ class Exporter {
       scales = ImagesForSplatting(jobs);
       CheckSplattingNames(scales);
     }
+    // Maps are read twice, as all of them together need not fit into memory.
     if (model_ || is_for_splatting) {
       ForEach("Aligning depth maps", &jobs, [&](Job* job, DepthMap map) {
         Prepare(job, std::move(map));
@@ -135,6 +133,7 @@ class Exporter {
     for (const Job& job : jobs) {
       max_inverse_depth = std::max(max_inverse_depth, job.near_inverse_depth);
     }
+    // One scale for all images: see WriteSplattingParameters().
     splatting_scale_ = SplattingScale(max_inverse_depth);
     ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
       Write(*job, std::move(map));
@@ -152,7 +151,7 @@ class Exporter {
 
  private:
   std::vector<Job> FindJobs() {
-    const Scene scene = ReadSceneWithoutFeatures(database_path_);
+    const Scene scene = ReadScene(database_path_, SceneContent::IMAGES);
     const DepthDatabase database(database_path_,
                                  DepthDatabase::Mode::READ_ONLY);
     std::vector<Job> jobs;
@@ -182,6 +181,7 @@ class Exporter {
                                " holds no depth map; run depth_importer "
                                "without --keypoints_only");
     }
+    // Writing nothing would look like success.
     if (jobs.empty()) {
       throw std::runtime_error("no image of " + database_path_ +
                                " with a depth map is in the model");
@@ -245,6 +245,7 @@ class Exporter {
     }
     const fs::path path =
         PathInside(output_path_, FileName(job.name, options_.format));
+    // Images in sub-folders have their maps in the same ones.
     CreateOutputFolder(path.parent_path().string());
     WriteMap(path.string(), depth_map);
   }
@@ -336,15 +337,13 @@ std::string DepthExportSummary::ToText() const {
     }
     text << "\n";
   }
-  for (const std::string& name : images_without_map) {
-    text << "image without map: " << name << "\n";
-  }
-  for (const std::string& name : images_without_model) {
-    text << "image that is not in the model: " << name << "\n";
-  }
-  for (const std::string& name : images_with_few_points) {
-    text << "image with too few points: " << name << "\n";
-  }
+  const auto list = [&text](const std::string& what,
+                            const std::vector<std::string>& names) {
+    for (const std::string& name : names) text << what << ": " << name << "\n";
+  };
+  list("image without map", images_without_map);
+  list("image that is not in the model", images_without_model);
+  list("image with too few points", images_with_few_points);
   text << "exported " << exported.size() << " depth maps";
   if (!residuals.empty()) {
     text << ", median error " << 100 * Median(scale_residuals)

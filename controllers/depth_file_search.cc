@@ -29,6 +29,7 @@ std::string ImageName(const fs::path& file) {
   return name.generic_string();
 }
 
+// Dense stereo writes photometric maps first, and geometric ones from them.
 bool HasBetterVersion(const fs::path& file) {
   const fs::path name = fs::path(file).replace_extension();
   return file.extension() == ".bin" && name.extension() == kPhotometric &&
@@ -41,6 +42,7 @@ bool IsFile(const fs::directory_entry& entry) {
   return entry.is_regular_file() || (entry.is_symlink() && !entry.exists());
 }
 
+// Links to folders are followed, as large data sets are often linked in.
 FilesByName ListFolder(const std::string& folder) try {
   const std::vector<std::string>& extensions = DepthFileExtensions();
   FilesByName files;
@@ -102,6 +104,7 @@ std::map<colmap::image_t, std::string> MatchFilesToImages(
       matches.insert(matches.end(), match->second.begin(), match->second.end());
     }
     if (matches.empty()) continue;
+    // Which of the two is meant only the user can tell.
     if (matches.size() > 1) {
       throw std::runtime_error("image " + name + " has two depth maps, " +
                                matches[0] + " and " + matches[1]);

@@ -1,5 +1,6 @@
 #include "controllers/depth_geometric_verifier.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/commands.h"
@@ -205,9 +206,6 @@ Scene LoadScene(const DepthGeometricVerifierOptions& options,
   for (const auto& [camera_id, camera] : scene.cameras) {
     num_calibrated += camera.HasPriorFocalLength();
   }
-  LOG(INFO) << num_calibrated << " of " << scene.cameras.size()
-            << " cameras are calibrated, " << num_exif
-            << " have focal lengths from EXIF data (--intrinsics_prior)";
   timer.Add("cameras", double(scene.cameras.size()))
       .Add("cameras_calibrated", double(num_calibrated))
       .Add("cameras_with_exif", double(num_exif))
@@ -239,7 +237,7 @@ VerificationSummary VerifyDatabasePairs(
   DepthDatabase database(options.database_path,
                          DepthDatabase::Mode::READ_WRITE);
   std::vector<StageReport> stages;
-  Scene scene = ReadSceneWithoutMatches(options.database_path);
+  Scene scene = ReadScene(options.database_path, SceneContent::FEATURES);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   KeypointDepthMap depths = LoadDepths(options, {}, &stages);
   RelativeDepths relative =
@@ -259,15 +257,16 @@ VerificationSummary VerifyDatabasePairs(
   } else {
     database.DeletePairGeometries(comparison.stale);
   }
-  LOG(INFO) << summary.num_kept << " pairs are verified already, "
-            << summary.num_deleted
-            << " stored ones are deleted because their matches, depths or "
-               "options have changed";
   CheckpointedPairs finished(options.checkpoint_interval_s, &database);
-  verifier.Verify(comparison.work,
-                  [&](colmap::image_pair_t pair_id, PairGeometry pair) {
-                    finished.Add(pair_id, std::move(pair));
-                  });
+  try {
+    verifier.Verify(comparison.work,
+                    [&](colmap::image_pair_t pair_id, PairGeometry pair) {
+                      finished.Add(pair_id, std::move(pair));
+                    });
+  } catch (const Cancelled&) {
+    finished.Store();
+    throw;
+  }
   finished.Store();
   summary.totals = database.ReadPairTotals();
   timer.Add("kept", double(summary.num_kept))

@@ -79,8 +79,8 @@ struct VerificationSummary {
 // The longest pairs are verified first. Matches are read and results written
 // on the way, so that a pair costs some 50 bytes of memory.
 //
-// Throws std::runtime_error on unusable input; pairs that were stored until
-// then stay.
+// Throws std::runtime_error on unusable input, and Cancelled; pairs that were
+// stored until then, in the second case all that were finished, stay.
 VerificationSummary VerifyDatabasePairs(
     const DepthGeometricVerifierOptions& options);
 

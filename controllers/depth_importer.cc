@@ -16,7 +16,6 @@
 #include <cmath>
 #include <filesystem>
 #include <iomanip>
-#include <iterator>
 #include <map>
 #include <mutex>
 #include <set>
@@ -51,12 +50,28 @@ void AddFile(const std::string& path, FnvHash* hash) {
                 fs::last_write_time(path, error).time_since_epoch().count()});
 }
 
+void AddArrays(const ArrayReader& arrays, FnvHash* hash) try {
+  for (const char* name : kDepthArrayNames) {
+    const auto array = arrays(name);
+    hash->Add(array.has_value());
+    if (!array) continue;
+    hash->AddAll(array->shape);
+    hash->AddAll(array->values);
+  }
+} catch (const std::runtime_error&) {
+  // The import of the image fails with the reason.
+}
+
 // Hash of all that the depth of an image depends on, its key points excepted.
 uint64_t SourceFingerprint(const DepthFile& file,
                            const colmap::Camera& camera,
                            const DepthImportOptions& options) {
   FnvHash hash;
-  AddFile(file.path, &hash);
+  if (file.arrays) {
+    AddArrays(file.arrays, &hash);
+  } else {
+    AddFile(file.path, &hash);
+  }
   hash.AddAll(file.group);
   AddFile(file.confidence_path, &hash);
   hash.Add(file.orientation);
@@ -82,17 +97,14 @@ ImageDepth ReadImageDepth(const DepthFile& file,
                           const DepthImportOptions& options) {
   const ImportedDepth imported = ReadDepth(file, camera, options.reading);
   const DepthMap& depth_map = imported.depth_map;
-  std::vector<float> depths = IsAffine(depth_map.unit)
-                                  ? SampleAffine(depth_map,
-                                                 keypoints,
-                                                 camera.Width(),
-                                                 camera.Height(),
-                                                 options.sampling.keep_edges)
-                                  : SampleDepth(depth_map,
-                                                keypoints,
-                                                camera.Width(),
-                                                camera.Height(),
-                                                options.sampling);
+  const bool is_affine = IsAffine(depth_map.unit);
+  const auto width = static_cast<int>(camera.Width());
+  const auto height = static_cast<int>(camera.Height());
+  const DepthSamplingOptions& sampling = options.sampling;
+  std::vector<float> depths =
+      is_affine ? SampleAffine(
+                      depth_map, keypoints, width, height, sampling.keep_edges)
+                : SampleDepth(depth_map, keypoints, width, height, sampling);
 
   ImageDepth result;
   result.summary.file = file.Description();
@@ -101,10 +113,9 @@ ImageDepth ReadImageDepth(const DepthFile& file,
   result.summary.coverage = imported.coverage;
   result.summary.num_keypoints = depths.size();
   std::vector<double> known_depths;
-  std::copy_if(depths.begin(),
-               depths.end(),
-               std::back_inserter(known_depths),
-               [](float depth) { return depth != 0; });
+  for (const float depth : depths) {
+    if (depth != 0) known_depths.push_back(depth);
+  }
   result.summary.num_keypoints_with_depth = known_depths.size();
   if (!known_depths.empty()) {
     result.summary.median_depth = Median(std::move(known_depths));
@@ -114,10 +125,10 @@ ImageDepth ReadImageDepth(const DepthFile& file,
   result.summary.lower_to_upper = statistics.lower_to_upper;
   result.summary.focal_length_px = imported.focal_length_px;
   result.summary.is_stretched = imported.is_stretched;
-  result.summary.is_relative = IsAffine(depth_map.unit);
+  result.summary.is_relative = is_affine;
   if (!options.keypoints_only) {
-    result.depth_map = CompressDepth(
-        IsAffine(depth_map.unit) ? StorableAffine(depth_map) : depth_map);
+    result.depth_map =
+        CompressDepth(is_affine ? StorableAffine(depth_map) : depth_map);
   }
   result.keypoint_depths = {depth_map.unit,
                             std::move(depths),
@@ -231,10 +242,50 @@ double Percentage(size_t part, size_t whole) {
   return whole == 0 ? 0 : 100.0 * part / whole;
 }
 
+DepthImportSummary Import(const Scene& scene,
+                          const std::string& database_path,
+                          DepthFileSearch search,
+                          const DepthImportOptions& options) {
+  if (!options.displayed_image_path.empty()) {
+    ReadOrientations(
+        scene, options.displayed_image_path, &search.file_of_image);
+  }
+  DepthDatabase database(database_path, DepthDatabase::Mode::READ_WRITE);
+  const auto known = database.ReadSourceFingerprints();
+  DepthImportSummary summary;
+  summary.type = options.reading.type;
+  summary.files_without_image = std::move(search.files_without_image);
+  std::vector<std::pair<colmap::image_t, DepthFile>> files;
+  for (const auto& [image_id, image] : scene.images) {
+    const auto file = search.file_of_image.find(image_id);
+    const auto known_fingerprint = known.find(image_id);
+    if (file == search.file_of_image.end()) {
+      summary.images_without_depth.push_back(image.Name());
+      if (known_fingerprint != known.end()) ++summary.num_kept;
+    } else if (!options.overwrite && known_fingerprint != known.end() &&
+               known_fingerprint->second ==
+                   SourceFingerprint(file->second,
+                                     scene.cameras.at(image.CameraId()),
+                                     options)) {
+      ++summary.num_unchanged;
+    } else {
+      files.emplace_back(*file);
+    }
+  }
+  FileImport(scene, options, database_path, &database).Run(files, &summary);
+  return summary;
+}
+
 }  // namespace
 
 bool DepthImportOptions::IsValid(std::string* error) const {
   return reading.IsValid(error) && sampling.IsValid(error);
+}
+
+std::string DepthImportSummary::FailureText() const {
+  return std::to_string(failed.size()) +
+         " depth maps could not be imported, the first: " +
+         failed.front().reason;
 }
 
 std::string DepthImportSummary::ToText() const {
@@ -284,11 +335,12 @@ std::string DepthImportSummary::ToText() const {
   for (const Image& image : imported) {
     samples.push_back({image.name, image.oddities, image.lower_to_upper});
   }
-  text << DepthKindWarnings(samples, type);
-  text << "imported " << imported.size() << " of "
-       << imported.size() + failed.size() + num_unchanged +
-              images_without_depth.size()
-       << " images, " << num_keypoints_with_depth << " key points with depth ("
+  const size_t num_images = imported.size() + failed.size() + num_unchanged +
+                            images_without_depth.size();
+  text << DepthKindWarnings(samples, type)
+       << MissingMapsWarning(images_without_depth.size() - num_kept, num_images)
+       << "imported " << imported.size() << " of " << num_images << " images, "
+       << num_keypoints_with_depth << " key points with depth ("
        << Percentage(num_keypoints_with_depth, num_keypoints) << " %)\n";
   return text.str();
 }
@@ -298,7 +350,7 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const DepthImportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const Scene scene = ReadSceneWithoutFeatures(database_path);
+  const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
   DepthFileSearch search =
       FindDepthFiles(scene, depth_path, options.confidence_path);
   if (search.file_of_image.empty()) {
@@ -306,35 +358,41 @@ DepthImportSummary ImportDepthMaps(const std::string& database_path,
         "no depth map in " + depth_path + " is named after one of the " +
         std::to_string(scene.images.size()) + " images of " + database_path);
   }
-  if (!options.displayed_image_path.empty()) {
-    ReadOrientations(
-        scene, options.displayed_image_path, &search.file_of_image);
-  }
+  return Import(scene, database_path, std::move(search), options);
+}
 
-  DepthDatabase database(database_path, DepthDatabase::Mode::READ_WRITE);
-  const auto known = database.ReadSourceFingerprints();
-  DepthImportSummary summary;
-  summary.type = options.reading.type;
-  summary.files_without_image = std::move(search.files_without_image);
-  std::vector<std::pair<colmap::image_t, DepthFile>> files;
+DepthImportSummary ImportDepthMaps(
+    const std::string& database_path,
+    const std::map<std::string, DepthFile>& depth_of_image,
+    const DepthImportOptions& options) {
+  std::string error;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  const Scene scene = ReadScene(database_path, SceneContent::IMAGES);
+  if (!options.confidence_path.empty()) {
+    throw std::runtime_error(
+        "confidence_path goes with a folder of depth maps, not with maps by "
+        "the names of images");
+  }
+  DepthFileSearch search;
+  std::map<std::string, colmap::image_t> image_ids;
   for (const auto& [image_id, image] : scene.images) {
-    const auto file = search.file_of_image.find(image_id);
-    const auto known_fingerprint = known.find(image_id);
-    if (file == search.file_of_image.end()) {
-      summary.images_without_depth.push_back(image.Name());
-      if (known_fingerprint != known.end()) ++summary.num_kept;
-    } else if (!options.overwrite && known_fingerprint != known.end() &&
-               known_fingerprint->second ==
-                   SourceFingerprint(file->second,
-                                     scene.cameras.at(image.CameraId()),
-                                     options)) {
-      ++summary.num_unchanged;
+    image_ids[image.Name()] = image_id;
+  }
+  for (const auto& [name, file] : depth_of_image) {
+    const auto image_id = image_ids.find(name);
+    if (image_id == image_ids.end()) {
+      search.files_without_image.push_back(name);
     } else {
-      files.emplace_back(*file);
+      search.file_of_image[image_id->second] = file;
     }
   }
-  FileImport(scene, options, database_path, &database).Run(files, &summary);
-  return summary;
+  if (search.file_of_image.empty()) {
+    throw std::runtime_error(
+        "none of the " + std::to_string(depth_of_image.size()) +
+        " depth maps has the name of one of the " +
+        std::to_string(scene.images.size()) + " images of " + database_path);
+  }
+  return Import(scene, database_path, std::move(search), options);
 }
 
 }  // namespace dgsfm

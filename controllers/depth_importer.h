@@ -8,6 +8,7 @@
 #include "controllers/depth_kind_warnings.h"
 
 #include <cstddef>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -68,6 +69,8 @@ struct DepthImportSummary {
   size_t num_kept = 0;
   std::vector<std::string> files_without_image;
 
+  // How many images failed and the first reason; for messages.
+  std::string FailureText() const;
   // One line per image, failure, file without image and image without depth,
   // one of warning for each way in which maps look like another kind (see
   // DepthKindWarnings); the last line is "imported N
@@ -97,5 +100,11 @@ struct DepthImportSummary {
 DepthImportSummary ImportDepthMaps(const std::string& database_path,
                                    const std::string& depth_path,
                                    const DepthImportOptions& options);
+// The same for depth by the names of images, files and arrays in memory, which
+// are the same as those of an earlier import if their numbers are.
+DepthImportSummary ImportDepthMaps(
+    const std::string& database_path,
+    const std::map<std::string, DepthFile>& depth_of_image,
+    const DepthImportOptions& options);
 
 }  // namespace dgsfm

@@ -126,4 +126,12 @@ std::string DepthKindWarnings(const std::vector<DepthKindSample>& samples,
   return text + WarnOfOtherKind(samples, type);
 }
 
+std::string MissingMapsWarning(size_t num_missing, size_t num_images) {
+  if (2 * num_missing <= num_images) return "";
+  return "warning: " + std::to_string(num_missing) + " of " +
+         std::to_string(num_images) +
+         " images have no depth map, and depth helps pairs of two images with "
+         "maps alone: let the depth model run on all images\n";
+}
+
 }  // namespace dgsfm

@@ -34,4 +34,7 @@ struct DepthKindSample {
 std::string DepthKindWarnings(const std::vector<DepthKindSample>& samples,
                               DepthType type);
 
+// A line of warning if most images have no depth map, otherwise nothing.
+std::string MissingMapsWarning(size_t num_missing, size_t num_images);
+
 }  // namespace dgsfm

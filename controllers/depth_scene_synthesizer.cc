@@ -14,7 +14,6 @@
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
 
-#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -53,6 +52,7 @@ void WriteTruth(const fs::path& path,
                 const colmap::Reconstruction& model,
                 const std::map<std::string, double>& depth_scales) {
   std::ostringstream text;
+  // Enough digits to read the same double back.
   text.precision(17);
   for (const auto& [name, scale] : depth_scales) {
     text << name << " " << scale << "\n";
@@ -72,50 +72,6 @@ void WriteObservations(const SyntheticScene& scene, const fs::path& path) {
         depths);
   }
   database.CommitTransaction();
-}
-
-// The true model of the town: cameras and images, no points yet.
-colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options) {
-  colmap::Reconstruction model;
-  const auto cameras = SynthesizeCameras(
-      options.camera, options.num_images, options.random_seed);
-  for (const auto& [camera_id, camera] : cameras) model.AddCamera(camera);
-  const std::vector<Rigid3d> views =
-      CreateTownViews(options.family, options.num_images, options.random_seed);
-  for (int i = 0; i < options.num_images; ++i) {
-    colmap::Image image;
-    image.SetImageId(i + 1);
-    image.SetCameraId(1 + i % cameras.size());
-    char name[32];
-    std::snprintf(name, sizeof(name), "image%04d.jpg", i);
-    image.SetName(name);
-    SetCamFromWorld(views[i], &image);
-    model.AddImage(image);
-    model.RegisterImage(image.ImageId());
-  }
-  return model;
-}
-
-void AddDepthErrors(const DepthNoiseOptions& options,
-                    const colmap::Camera& camera,
-                    double scale,
-                    uint32_t random_seed,
-                    colmap::image_t image_id,
-                    DepthMap* depth_map) {
-  DepthSamples samples;
-  samples.image_size_px = ImageSize(camera);
-  const Eigen::Vector2d pixel_size(
-      samples.image_size_px.x() / depth_map->width,
-      samples.image_size_px.y() / depth_map->height);
-  for (int y = 0; y < depth_map->height; ++y) {
-    for (int x = 0; x < depth_map->width; ++x) {
-      samples.xys_px.push_back(
-          Eigen::Vector2d(x + 0.5, y + 0.5).cwiseProduct(pixel_size));
-    }
-  }
-  samples.depths.assign(depth_map->values.begin(), depth_map->values.end());
-  depth_map->values =
-      SynthesizePriorDepths(options, scale, samples, random_seed, image_id);
 }
 
 void WriteImagesAndDepth(const DepthSceneSynthesizerOptions& options) {

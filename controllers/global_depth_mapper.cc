@@ -3,21 +3,26 @@
 #include "colmap_ext/database/colmap_schema.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/keypoint_selection.h"
+#include "colmap_ext/database/rig_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/depth/image_orientation.h"
 #include "colmap_ext/model/model_writer.h"
+#include "colmap_ext/model/rig_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
 #include "controllers/mapper_report.h"
+#include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
 #include "controllers/relative_depth_stage.h"
+#include "controllers/report/report_page.h"
 #include "sfm/mapping/depth_kind_check.h"
+#include "sfm/mapping/rig_model.h"
 
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include <glog/logging.h>
@@ -28,8 +33,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kProjectFile[] = "project.ini";
-constexpr char kReportFile[] = "report.json";
+constexpr char kPageFile[] = "report.html";
 
 void CheckImagesExist(const std::string& image_path, const Scene& scene) {
   size_t num_missing = 0;
@@ -108,47 +112,59 @@ void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
                   "depth_importer --displayed_image_path";
 }
 
+RigScene LoadRigs(const GlobalDepthMapperOptions& options, const Scene& scene) {
+  if (options.ignore_rigs) return {};
+  const RigScene rigs = options.rig_config_path.empty()
+                            ? ReadRigs(options.verifier.database_path, scene)
+                            : ReadRigConfig(options.rig_config_path, scene);
+  if (!rigs.Empty()) {
+    LOG(INFO) << rigs.rigs.size() << " rigs, " << rigs.frames.size()
+              << " frames of several images";
+  }
+  return rigs;
+}
+
 std::string PairName(const Scene& scene, colmap::image_pair_t pair_id) {
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
   return scene.images.at(image_id1).Name() + ", " +
          scene.images.at(image_id2).Name();
 }
 
-std::string UnitText(const MeasuredUnit& measured) {
-  const auto spread_percent =
-      std::lround(100 * std::expm1(measured.log_spread));
-  const std::string maps = std::to_string(measured.num_images) +
-                           " depth maps, whose scales differ by " +
-                           std::to_string(spread_percent) + " %";
-  switch (measured.unit) {
-    case ModelUnit::ARBITRARY:
-      return "unit arbitrary";
-    case ModelUnit::DEPTH_MAPS:
-      return "unit unknown: that of " + maps;
-    case ModelUnit::METRES:
-      break;
+GlobalDepthMapperSummary Summarize(const Scene& scene,
+                                   const DepthGlobalMapperResult& result,
+                                   const std::string& output_path) {
+  GlobalDepthMapperSummary summary;
+  summary.output_path = output_path;
+  summary.text = MapperSummary(scene, result, output_path);
+  for (size_t i = 0; i < result.models.size(); ++i) {
+    summary.model_paths.push_back(
+        (fs::path(output_path) / std::to_string(i)).string());
   }
-  return "unit metres, by " + maps;
+  return summary;
 }
 
 }  // namespace
 
-GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
-    : options_(options) {
-  options_.mapper.num_threads = options_.verifier.verification.num_threads;
+std::string GlobalDepthMapperSummary::FailureText() const {
+  return "no model could be reconstructed, see " +
+         (fs::path(output_path) / kReportFile).string();
 }
 
-bool GlobalDepthMapper::Run() {
+GlobalDepthMapper::GlobalDepthMapper(const GlobalDepthMapperOptions& options)
+    : options_(options) {}
+
+GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   CheckOptions(options_.verifier);
   CheckOptions(options_.mapper);
-  RunFolder folder(options_.output_path, {kProjectFile, kReportFile});
+  RunFolder folder(options_.output_path,
+                   {kProjectFile, kReportFile, kPageFile});
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
-  if (!options_.ignore_rigs) CheckHasNoRig(options_.verifier.database_path);
   std::vector<StageReport> stages;
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, &stages);
+  scene.rigs = LoadRigs(options_, scene);
   WarnOfPosePriors(options_);
   if (!options_.image_path.empty()) {
     CheckImagesExist(options_.image_path, scene);
@@ -185,37 +201,20 @@ bool GlobalDepthMapper::Run() {
     result.warnings.push_back(warning);
   }
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
-  StageModels(folder, &result);
+  StageModels(folder, scene.rigs, &result);
   WriteMapperReport(
       folder.StagedFile(kReportFile),
       scene,
       pairs,
       result,
       {relative.fits, FitRelativeDepthsToModels(given_depths, result.models)});
+  if (options_.WritesHtmlReport()) {
+    StageReportPage(folder, result.models.size());
+  }
   folder.Publish();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
-  PrintSummary(scene, result);
-  return !result.models.empty();
-}
-
-void GlobalDepthMapper::PrintSummary(
-    const Scene& scene, const DepthGlobalMapperResult& result) const {
-  size_t num_registered = 0;
-  for (const auto& model : result.models) {
-    num_registered += model->NumRegImages();
-  }
-  std::cout << "registered " << num_registered << " of " << scene.images.size()
-            << " images in " << result.models.size() << " models in "
-            << options_.output_path << std::endl;
-  for (size_t i = 0; i < result.models.size(); ++i) {
-    std::cout << "model " << i << ": " << result.models[i]->NumRegImages()
-              << " images, " << UnitText(result.units[i]) << std::endl;
-  }
-  for (const auto& [image_id, reason] : result.unregistered_images) {
-    std::cout << "not registered: " << scene.images.at(image_id).Name() << ": "
-              << reason << std::endl;
-  }
+  return Summarize(scene, result, options_.output_path);
 }
 
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
@@ -240,16 +239,12 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);
   }
-  if (!fingerprints.empty()) {
-    LOG(INFO) << "Using " << pairs.size() << " verified pairs of "
-              << options.database_path;
-    if (!comparison.work.empty()) {
-      LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
-                   << PairName(scene, comparison.work.front().pair_id)
-                   << ", are not verified yet, or of other matches, depths or "
-                      "options, or by another version of this program: they "
-                      "are verified now";
-    }
+  if (!fingerprints.empty() && !comparison.work.empty()) {
+    LOG(WARNING) << comparison.work.size() << " pairs, e.g. "
+                 << PairName(scene, comparison.work.front().pair_id)
+                 << ", are not verified yet, or of other matches, depths or "
+                    "options, or by another version of this program: they "
+                    "are verified now";
   }
   verifier.Verify(comparison.work,
                   [&](colmap::image_pair_t pair_id, PairGeometry pair) {
@@ -266,18 +261,44 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
 }
 
 void GlobalDepthMapper::StageModels(const RunFolder& folder,
+                                    const RigScene& rigs,
                                     DepthGlobalMapperResult* result) {
   StageTimer timer("write_models");
   for (size_t i = 0; i < result->models.size(); ++i) {
     if (!options_.image_path.empty()) {
       ExtractPointColors(options_.image_path,
-                         options_.mapper.num_threads,
+                         options_.verifier.verification.num_threads,
                          result->models[i].get());
     }
-    WriteModel(*result->models[i], folder.StagedModel(i));
+    const colmap::Reconstruction& model = *result->models[i];
+    WriteModel(model, folder.StagedModel(i));
+    if (rigs.Empty()) continue;
+    const std::set<colmap::camera_t> calibrated =
+        CamerasToCalibrate(rigs, options_.mapper.refine_sensor_from_rig);
+    WriteRigs(
+        CalibrateRigs(calibrated, model, rigs), model, folder.StagedModel(i));
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);
+}
+
+// Nor is a page that cannot be written a reason to lose the models.
+void GlobalDepthMapper::StageReportPage(const RunFolder& folder,
+                                        size_t num_models) const {
+  ReportPageInput input;
+  input.title = FolderName(options_.output_path);
+  for (size_t i = 0; i < num_models; ++i) {
+    input.model_folders.push_back(folder.StagedModel(i));
+  }
+  input.report_path = folder.StagedFile(kReportFile);
+  input.project_path = folder.StagedFile(kProjectFile);
+  input.image_path = options_.image_path;
+  input.num_threads = options_.verifier.verification.num_threads;
+  try {
+    WriteReportPage(input, folder.StagedFile(kPageFile));
+  } catch (const std::exception& error) {
+    LOG(WARNING) << "There is no " << kPageFile << ": " << error.what();
+  }
 }
 
 // The models are what the user waits for: a database that cannot be written is
@@ -299,25 +320,22 @@ void GlobalDepthMapper::WritePairStatuses(const PairGeometries& pairs) const {
 
 int RunDepthGlobalMapper(int argc, char** argv) {
   GlobalDepthMapperOptions options;
-  // The preset, read first, sets the defaults of the other options.
-  for (int pass = 0; pass < 2; ++pass) {
-    const bool is_paper = options.paper;
-    options = GlobalDepthMapperOptions();
-    options.paper = is_paper;
-    if (is_paper) ApplyPaperPreset(&options);
-    CommandOptions command_options(
-        "depth_global_mapper",
-        "Reconstructs a database with depth priors by global "
-        "structure from motion.");
-    BindOptions(&options, &command_options);
-    if (const auto exit_code = command_options.Parse(argc, argv)) {
-      return *exit_code;
-    }
-  }
-  if (GlobalDepthMapper(options).Run()) return 0;
-  std::cerr << "ERROR: no model could be reconstructed, see "
-            << (fs::path(options.output_path) / kReportFile).string()
-            << std::endl;
+  std::optional<int> exit_code;
+  SetOverPreset(
+      [&] {
+        CommandOptions command_options(
+            "depth_global_mapper",
+            "Reconstructs a database with depth priors by global "
+            "structure from motion.");
+        BindOptions(&options, &command_options);
+        exit_code = command_options.Parse(argc, argv);
+      },
+      &options);
+  if (exit_code) return *exit_code;
+  const GlobalDepthMapperSummary summary = GlobalDepthMapper(options).Run();
+  std::cout << summary.text << std::flush;
+  if (!summary.model_paths.empty()) return 0;
+  std::cerr << "ERROR: " << summary.FailureText() << std::endl;
   return 1;
 }
 

@@ -6,18 +6,32 @@
 #include "controllers/output_folder.h"
 #include "sfm/global_mapping.h"
 
+#include <string>
 #include <vector>
 
 namespace dgsfm {
+
+// What came out of a run, for messages.
+struct GlobalDepthMapperSummary {
+  // Folders of the models, largest first.
+  std::vector<std::string> model_paths;
+  std::string output_path;
+
+  // What was made, how good it looks and what to look at, in lines.
+  std::string text;
+
+  // The message of a run without any model.
+  std::string FailureText() const;
+};
 
 // Maps a database; pairs are verified first where the database has no result.
 class GlobalDepthMapper {
  public:
   explicit GlobalDepthMapper(const GlobalDepthMapperOptions& options);
 
-  // Writes models and report. Returns false if no model came out of it (the
-  // report then says why); throws std::runtime_error on unusable input.
-  bool Run();
+  // Writes models, report and its page. Where no model came out of it, the
+  // report has the reason. Throws std::runtime_error on unusable input.
+  GlobalDepthMapperSummary Run();
 
  private:
   // Geometries of all pairs of the scene: stored ones that hold, all others
@@ -26,9 +40,11 @@ class GlobalDepthMapper {
                                    const KeypointDepthMap& depths,
                                    const AffineDepths& conversions,
                                    std::vector<StageReport>* stages) const;
-  void PrintSummary(const Scene& scene,
-                    const DepthGlobalMapperResult& result) const;
-  void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
+  void StageModels(const RunFolder& folder,
+                   const RigScene& rigs,
+                   DepthGlobalMapperResult* result);
+  // The page for the models and the report that were staged.
+  void StageReportPage(const RunFolder& folder, size_t num_models) const;
   void WritePairStatuses(const PairGeometries& pairs) const;
 
   GlobalDepthMapperOptions options_;

@@ -74,17 +74,7 @@ void BindBundleAdjustment(ModelRefinementOptions* options,
            "prior of the principal point [larger image side]")
       .Add("ba_extra_params_stddev",
            &adjustment.intrinsics.extra_params_stddev,
-           "prior of distortion parameters [1]")
-      .Add("ba_use_depth",
-           &adjustment.use_depth,
-           "depth maps of images that see too few points with parallax take "
-           "part in bundle adjustment")
-      .Add("ba_max_num_depths",
-           &adjustment.max_num_depths,
-           "depths of an image that count; more share their weight")
-      .Add("ba_max_depth_stddev",
-           &adjustment.max_depth_stddev,
-           "noisier depth maps are not used in bundle adjustment [log]");
+           "prior of distortion parameters [1]");
 }
 
 void BindRefinement(ModelRefinementOptions* options,
@@ -96,21 +86,6 @@ void BindRefinement(ModelRefinementOptions* options,
       .Add("gp_loss_scale",
            &options->global_positioning.loss_scale,
            "Huber threshold of global positioning [sine of angle]")
-      .Add("gp_use_depth",
-           &options->global_positioning.use_depth,
-           "depth maps of images that see too few points with parallax take "
-           "part in global positioning")
-      .Add("gp_ray_stddev",
-           &options->global_positioning.ray_stddev,
-           "error of a ray that weighs as much as the standard deviation of a "
-           "depth [sine of angle]")
-      .Add("gp_max_num_depths",
-           &options->global_positioning.max_num_depths,
-           "depths of an image that count in global positioning; more share "
-           "their weight")
-      .Add("gp_log_factor_stddev",
-           &options->global_positioning.log_factor_stddev,
-           "prior of the factors of depth maps about those of the start [log]")
       .Add("max_angular_error",
            &options->max_angular_error_deg,
            "observations farther off after positioning are removed [deg]");
@@ -124,8 +99,7 @@ void BindRefinement(ModelRefinementOptions* options,
            "points with a smaller triangulation angle are removed [deg] ...")
       .Add("min_num_triangulated_per_image",
            &options->min_num_triangulated_per_image,
-           "... unless an image that sees them has fewer others; such images "
-           "use their depth maps in bundle adjustment")
+           "... unless an image that sees them has fewer others")
       .Add("tri_max_epipolar_error",
            &options->max_epipolar_error_px,
            "distance from the epipolar line of matches to triangulate [px]")
@@ -146,6 +120,10 @@ void BindMapper(DepthGlobalMapperOptions* options,
       .Add("min_model_size",
            &options->min_model_size,
            "models with fewer images are not written")
+      .Add("refine_sensor_from_rig",
+           &options->refine_sensor_from_rig,
+           "whether known poses of cameras in their rigs are refined; unknown "
+           "ones always are")
       .Add("multiple_models",
            &options->multiple_models,
            "one model per connected component, else only the largest");
@@ -205,7 +183,11 @@ void BindOptions(GlobalDepthMapperOptions* options,
   command_options->Add("ignore_rigs",
                        &options->ignore_rigs,
                        "whether images of rigs of several cameras are mapped "
-                       "as if each moved by itself, else they are refused");
+                       "as if each moved by itself");
+  command_options->Add("rig_config_path",
+                       &options->rig_config_path,
+                       "rig_config.json of COLMAP's rig_configurator, in place "
+                       "of the rigs of the database");
   command_options->AddRequired(
       "output_path",
       &options->output_path,
@@ -235,6 +217,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->write_pair_statuses,
                        "whether the database gets the status of each pair, in "
                        "its table dgsfm_pair_statuses");
+  command_options->Add("write_html_report",
+                       &options->write_html_report,
+                       "whether report.html is written, to look at in a "
+                       "browser: 1, 0, or -1 = if image_path is given");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
   BindMapper(&options->mapper, command_options);
@@ -264,7 +250,6 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
 
   ModelRefinementOptions& refinement = mapper.refinement;
   refinement.global_positioning.max_num_iterations = 100;
-  refinement.global_positioning.use_depth = false;
   refinement.global_positioning.function_tolerance = kPaperTolerance;
   refinement.num_bundle_adjustment_rounds = 3;
   refinement.min_num_triangulated_per_image = 0;
@@ -273,10 +258,19 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   adjustment.max_num_iterations = 100;
   adjustment.function_tolerance = kPaperTolerance;
   adjustment.loss_scale_px = 1.0;
-  adjustment.use_depth = false;
   adjustment.intrinsics.refine_focal_length = true;
   adjustment.intrinsics.refine_extra_params = false;
   adjustment.intrinsics.refine_principal_point = false;
+}
+
+void SetOverPreset(const std::function<void()>& set,
+                   GlobalDepthMapperOptions* options) {
+  set();
+  if (!options->paper) return;
+  *options = GlobalDepthMapperOptions();
+  options->paper = true;
+  ApplyPaperPreset(options);
+  set();
 }
 
 }  // namespace dgsfm

@@ -5,6 +5,7 @@
 #include "controllers/depth_geometric_verifier.h"
 #include "sfm/global_mapping_options.h"
 
+#include <functional>
 #include <string>
 
 namespace dgsfm {
@@ -16,9 +17,13 @@ struct GlobalDepthMapperOptions {
   // Whether the EXIF data of images without a prior focal length count.
   bool use_exif = true;
   // Whether images of rigs of several cameras are mapped as if each moved by
-  // itself; otherwise they are refused.
+  // itself.
   bool ignore_rigs = false;
-  // Existing folder that receives 0/, 1/, ..., report.json and project.ini.
+  // File of COLMAP's rig_configurator, in place of the rigs of the database;
+  // empty = none.
+  std::string rig_config_path;
+  // Existing folder that receives 0/, 1/, ..., report.json, report.html
+  // and project.ini.
   std::string output_path;
   // File of pair scores, see ReadPairScores; empty = none.
   std::string pair_scores_path;
@@ -28,10 +33,17 @@ struct GlobalDepthMapperOptions {
   int max_num_keypoints_per_image = 10000;
   // Whether the database gets the status of each pair (dgsfm_pair_statuses).
   bool write_pair_statuses = true;
+  // Whether report.html is written, the report to look at in a browser: 1 yes,
+  // 0 no, -1 if there is a folder of images.
+  int write_html_report = -1;
   DepthGeometricVerifierOptions verifier;
   DepthGlobalMapperOptions mapper;
   // The method and thresholds of the paper.
   bool paper = false;
+
+  bool WritesHtmlReport() const {
+    return write_html_report < 0 ? !image_path.empty() : write_html_report > 0;
+  }
 };
 
 // Binds all options; call before parsing.
@@ -41,5 +53,10 @@ void BindOptions(GlobalDepthMapperOptions* options,
 // Sets the thresholds of the paper's appendix and switches stages off that it
 // does not have.
 void ApplyPaperPreset(GlobalDepthMapperOptions* options);
+
+// Calls `set`, which sets some of the options, and if these include `paper`,
+// once more over the preset, whose values are then the defaults of the others.
+void SetOverPreset(const std::function<void()>& set,
+                   GlobalDepthMapperOptions* options);
 
 }  // namespace dgsfm

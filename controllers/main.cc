@@ -1,6 +1,7 @@
 // The executable `colmap`: our commands, and those of a COLMAP on the machine.
 
 #include "controllers/commands/colmap_delegate.h"
+#include "controllers/commands/command_log.h"
 
 #include <csignal>
 
@@ -18,7 +19,7 @@ int main(int argc, char** argv) {
     descriptor = open("/dev/null", O_RDONLY);
   }
   close(descriptor);
-  FLAGS_logtostderr = true;
   google::InitGoogleLogging(argv[0]);
+  dgsfm::LogToStderr();
   return dgsfm::RunColmap(argc, argv);
 }

@@ -99,6 +99,7 @@ Json RelativeDepthEntry(const RelativeDepthReport& fits,
   return entry;
 }
 
+// Lists all images, so that a missing one can be found by its name.
 Json ImageEntries(const Scene& scene,
                   const DepthGlobalMapperResult& result,
                   const RelativeDepthReport& relative_depths) {
@@ -179,6 +180,8 @@ void WriteMapperReport(const std::string& path,
   }
   report["cameras"] = CameraEntries(scene, result);
   report["images"] = ImageEntries(scene, result, relative_depths);
+  // The list of pairs is appended as text: as JSON in memory it would need
+  // many times its size.
   std::string text = JsonText(report, 2);
   text.resize(text.size() - 2);  // Opens the closing brace for the pairs.
   WriteFile(

@@ -10,6 +10,10 @@
 
 namespace dgsfm {
 
+// Files of a run, beside the models.
+constexpr char kReportFile[] = "report.json";
+constexpr char kProjectFile[] = "project.ini";
+
 // Maps of unknown scale and shift: the fits by pairs, which the mapping used,
 // and by the points of the models.
 struct RelativeDepthReport {

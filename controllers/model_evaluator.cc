@@ -66,6 +66,7 @@ ModelEvaluation EvaluateModel(const std::string& model_path,
                     ReadPoses(evaluation.model_path));
   evaluation.auc =
       AreaUnderCurve(evaluation.metrics.relative_errors_deg, thresholds_deg);
+  // Usually one model has folders in its image names and the other has not.
   if (evaluation.metrics.num_registered == 0) {
     LOG(WARNING) << "No image of " << evaluation.model_path
                  << " has the name of one in the ground truth";

@@ -9,10 +9,13 @@
 #include <array>
 #include <cmath>
 #include <iostream>
+#include <iterator>
 #include <limits>
+#include <new>
 #include <stdexcept>
 
 #include <Eigen/Geometry>
+#include <FreeImage.h>
 
 namespace dgsfm {
 namespace {
@@ -38,8 +41,13 @@ class Canvas {
   Canvas(int width, int height)
       : width_(width * kOversampling),
         height_(height * kOversampling),
-        colors_(width_ * height_, kBackground.cast<float>()),
-        depths_(colors_.size(), std::numeric_limits<float>::infinity()) {}
+        depths_(size_t(width_) * height_,
+                std::numeric_limits<float>::infinity()) {
+    if (!bitmap_.Allocate(width_, height_, /*as_rgb=*/true)) {
+      throw std::runtime_error("cannot allocate a picture of this size");
+    }
+    bitmap_.Fill(ToPixel(kBackground));
+  }
 
   // Centre and radius in pixels of the picture.
   void DrawDisc(const Eigen::Vector2d& center_px,
@@ -60,52 +68,36 @@ class Canvas {
       for (int x = first(center.x(), width_); x < last(center.x(), width_);
            ++x) {
         const Eigen::Vector2d pixel(x + 0.5, y + 0.5);
-        const size_t i = static_cast<size_t>(y) * width_ + x;
+        const size_t i = size_t(y) * width_ + x;
         if ((pixel - center).squaredNorm() > radius * radius ||
             depth >= depths_[i]) {
           continue;
         }
         depths_[i] = depth;
-        colors_[i] = color.cast<float>();
+        bitmap_.SetPixel(x, y, ToPixel(color));
       }
     }
   }
 
+  // Means of the subpixels.
   colmap::Bitmap ToBitmap() const {
-    const int width = width_ / kOversampling;
-    const int height = height_ / kOversampling;
-    colmap::Bitmap bitmap;
-    if (!bitmap.Allocate(width, height, /*as_rgb=*/true)) {
-      throw std::runtime_error("cannot allocate a picture of this size");
-    }
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const Eigen::Vector3f color = MeanColor(x, y);
-        bitmap.SetPixel(x,
-                        y,
-                        colmap::BitmapColor<uint8_t>(std::lround(color(0)),
-                                                     std::lround(color(1)),
-                                                     std::lround(color(2))));
-      }
-    }
-    return bitmap;
+    FIBITMAP* means = FreeImage_Rescale(const_cast<FIBITMAP*>(bitmap_.Data()),
+                                        width_ / kOversampling,
+                                        height_ / kOversampling,
+                                        FILTER_BOX);
+    if (means == nullptr) throw std::bad_alloc();
+    return colmap::Bitmap(means);
   }
 
  private:
-  Eigen::Vector3f MeanColor(int x, int y) const {
-    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-    for (int dy = 0; dy < kOversampling; ++dy) {
-      for (int dx = 0; dx < kOversampling; ++dx) {
-        sum += colors_[static_cast<size_t>(y * kOversampling + dy) * width_ +
-                       x * kOversampling + dx];
-      }
-    }
-    return sum / (kOversampling * kOversampling);
+  static colmap::BitmapColor<uint8_t> ToPixel(const Eigen::Vector3d& color) {
+    return colmap::BitmapColor<uint8_t>(
+        std::lround(color(0)), std::lround(color(1)), std::lround(color(2)));
   }
 
   int width_;
   int height_;
-  std::vector<Eigen::Vector3f> colors_;
+  colmap::Bitmap bitmap_;
   std::vector<float> depths_;
 };
 
@@ -165,23 +157,20 @@ Eigen::Matrix3d ChooseRotation(
 // Leaves out the tails of the points along each of the axes.
 std::vector<Eigen::Vector3d> WithoutTails(
     const std::vector<Eigen::Vector3d>& points) {
-  if (points.empty()) return {};
-  Eigen::Vector3d lower, upper;
+  Eigen::AlignedBox3d box;
   const size_t num_tail = kTailRatio * points.size();
   std::vector<double> values(points.size());
-  for (int axis = 0; axis < 3; ++axis) {
+  for (int axis = 0; axis < 3 && !points.empty(); ++axis) {
     for (size_t i = 0; i < points.size(); ++i) values[i] = points[i](axis);
     std::sort(values.begin(), values.end());
-    lower(axis) = values[num_tail];
-    upper(axis) = values[values.size() - 1 - num_tail];
+    box.min()(axis) = values[num_tail];
+    box.max()(axis) = values[values.size() - 1 - num_tail];
   }
   std::vector<Eigen::Vector3d> kept;
-  for (const Eigen::Vector3d& point : points) {
-    if ((point.array() >= lower.array()).all() &&
-        (point.array() <= upper.array()).all()) {
-      kept.push_back(point);
-    }
-  }
+  std::copy_if(points.begin(),
+               points.end(),
+               std::back_inserter(kept),
+               [&box](const auto& point) { return box.contains(point); });
   return kept;
 }
 
@@ -298,6 +287,7 @@ void DrawSegment(const Segment& segment, const View& view, Canvas* canvas) {
   constexpr double kStepPx = 0.3;
   const Eigen::Vector3d start = view.ToView(segment[0]);
   const Eigen::Vector3d end = view.ToView(segment[1]);
+  // A segment through the plane of the viewer has no bounded picture.
   if (std::min(start.z(), end.z()) <= 0) return;
   const double length_px = (view.ToPixel(end) - view.ToPixel(start)).norm();
   const int num_steps = 1 + static_cast<int>(length_px / kStepPx);

@@ -36,6 +36,19 @@ std::vector<fs::path> ListEntries(const fs::path& folder) {
   return {fs::directory_iterator(folder), fs::directory_iterator()};
 }
 
+std::set<std::string> ReadManifest(const fs::path& folder) {
+  std::set<std::string> files;
+  std::ifstream manifest(folder / kManifest);
+  for (std::string file; std::getline(manifest, file);) files.insert(file);
+  return files;
+}
+
+void WriteManifest(const fs::path& folder, const std::set<std::string>& files) {
+  std::string text;
+  for (const std::string& file : files) text += file + "\n";
+  WriteFile((folder / kManifest).string(), text);
+}
+
 }  // namespace
 
 void CreateOutputFolder(const std::string& path) {
@@ -47,17 +60,24 @@ void CreateOutputFolder(const std::string& path) {
   }
 }
 
+std::string FolderName(const std::string& path) {
+  const fs::path folder = fs::absolute(path).lexically_normal();
+  return (folder.has_filename() ? folder : folder.parent_path())
+      .filename()
+      .string();
+}
+
 RunFolder::RunFolder(const std::string& path,
                      const std::vector<std::string>& files)
     : path_(path),
       files_(files.begin(), files.end()),
       staging_path_((fs::path(path) / kStaging).string()) {
   CreateOutputFolder(path_);
-  std::ifstream manifest(fs::path(path_) / kManifest);
-  for (std::string file; std::getline(manifest, file);) {
+  for (const std::string& file : ReadManifest(path_)) {
     if (IsOutput(file.substr(0, file.find('/')))) manifest_.insert(file);
   }
   CheckOthersFiles();
+  // A killed run may have left its half-written models.
   fs::remove_all(staging_path_);
   CreateOutputFolder(staging_path_);
 }
@@ -78,12 +98,14 @@ std::string RunFolder::StagedModel(size_t index) const {
 }
 
 void RunFolder::Publish() {
+  // From here on the staging folder may hold models of an earlier run.
   is_publishing_ = true;
   CheckOthersFiles();
   const std::set<std::string> files = ListFiles(staging_path_, staging_path_);
   std::set<std::string> files_of_both = manifest_;
   files_of_both.insert(files.begin(), files.end());
-  WriteManifest(files_of_both);
+  // Written first: a run killed in between still owns both sets of files.
+  WriteManifest(path_, files_of_both);
   std::set<std::string> names;
   for (const fs::path& staged : ListEntries(staging_path_)) {
     const std::string name = staged.filename().string();
@@ -103,7 +125,7 @@ void RunFolder::Publish() {
       fs::rename(path, StagedFile(name + ".stale"));
     }
   }
-  WriteManifest(files);
+  WriteManifest(path_, files);
   fs::remove_all(staging_path_);
 }
 
@@ -126,10 +148,14 @@ void RunFolder::CheckOthersFiles() const {
   }
 }
 
-void RunFolder::WriteManifest(const std::set<std::string>& files) const {
-  std::string text;
-  for (const std::string& file : files) text += file + "\n";
-  WriteFile((fs::path(path_) / kManifest).string(), text);
+void AddToRun(const std::string& file_path) {
+  const fs::path path = fs::absolute(file_path);
+  const fs::path folder = path.parent_path();
+  if (!fs::exists(folder / kManifest)) return;
+  std::set<std::string> files = ReadManifest(folder);
+  if (files.insert(path.filename().string()).second) {
+    WriteManifest(folder, files);
+  }
 }
 
 }  // namespace dgsfm

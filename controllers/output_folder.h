@@ -12,6 +12,9 @@ namespace dgsfm {
 // std::runtime_error naming it if that fails or it is a file.
 void CreateOutputFolder(const std::string& path);
 
+// Name of a folder without those above it, as a title.
+std::string FolderName(const std::string& path);
+
 // A nlohmann::json or ordered_json as text. Names of files need not be UTF-8,
 // as JSON has to be: other bytes become U+FFFD. An indent of -1 gives one line.
 template <typename Json>
@@ -46,7 +49,6 @@ class RunFolder {
  private:
   bool IsOutput(const std::string& name) const;
   void CheckOthersFiles() const;
-  void WriteManifest(const std::set<std::string>& files) const;
 
   const std::string path_;
   const std::set<std::string> files_;
@@ -54,5 +56,9 @@ class RunFolder {
   std::set<std::string> manifest_;
   bool is_publishing_ = false;
 };
+
+// Makes a file part of the run's output, which the next run replaces, if it is
+// in the folder of a run.
+void AddToRun(const std::string& file_path);
 
 }  // namespace dgsfm

@@ -1,6 +1,7 @@
 #include "controllers/pair_score_file.h"
 
-#include <cstdlib>
+#include "controllers/image_names.h"
+
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -9,13 +10,17 @@
 #include <stdexcept>
 #include <vector>
 
+#include <boost/algorithm/string.hpp>
+#include <boost/lexical_cast/try_lexical_convert.hpp>
+#include <boost/tokenizer.hpp>
 #include <nlohmann/json.hpp>
 
 namespace dgsfm {
 namespace {
 
+namespace ba = boost::algorithm;
+
 constexpr char kSeparator[] = "<>";
-constexpr char kSpaces[] = " \t\r";
 // That some programs begin UTF-8 with.
 constexpr char kByteOrderMark[] = "\xef\xbb\xbf";
 
@@ -25,89 +30,62 @@ struct Entry {
   double score = -1;
 };
 
-std::string Trim(const std::string& text) {
-  const size_t begin = text.find_first_not_of(kSpaces);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kSpaces) + 1 - begin);
-}
-
-// Splits behind every separator; no part is left out.
-std::vector<std::string> Split(const std::string& text,
-                               const std::string& separator) {
+std::vector<std::string> SplitAtSeparator(const std::string& text) {
   std::vector<std::string> parts;
-  size_t begin = 0;
-  for (size_t end = text.find(separator); end != std::string::npos;
-       end = text.find(separator, begin)) {
-    parts.push_back(Trim(text.substr(begin, end - begin)));
-    begin = end + separator.size();
-  }
-  parts.push_back(Trim(text.substr(begin)));
+  ba::iter_split(parts, text, ba::first_finder(kSeparator));
+  for (std::string& part : parts) ba::trim(part);
   return parts;
 }
 
-std::optional<double> ParseScore(const std::string& text) {
-  char* end = nullptr;
-  const double score = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != '\0') return std::nullopt;
-  return score;
-}
-
 std::optional<Entry> CreateEntry(const std::vector<std::string>& fields) {
-  if (fields.size() != 3) return std::nullopt;
-  const auto score = ParseScore(fields[2]);
-  if (!score || fields[0].empty() || fields[1].empty()) return std::nullopt;
-  return Entry{fields[0], fields[1], *score};
+  Entry entry;
+  if (fields.size() != 3 || fields[0].empty() || fields[1].empty() ||
+      !boost::conversion::try_lexical_convert(fields[2], entry.score)) {
+    return std::nullopt;
+  }
+  entry.name1 = fields[0];
+  entry.name2 = fields[1];
+  return entry;
 }
 
 std::optional<Entry> ParseLine(const std::string& line) {
-  if (line.find(kSeparator) == std::string::npos) {
-    std::vector<std::string> fields;
-    for (const std::string& field : Split(line, " ")) {
-      for (const std::string& part : Split(field, "\t")) {
-        if (!part.empty()) fields.push_back(part);
-      }
-    }
-    return CreateEntry(fields);
+  std::vector<std::string> fields = SplitAtSeparator(line);
+  if (fields.size() == 1) {
+    ba::split(fields, line, ba::is_space(), ba::token_compress_on);
   }
-  std::vector<std::string> fields = Split(line, kSeparator);
   // The score may stand behind a space.
-  const size_t space = fields.back().find_last_of(kSpaces);
+  const size_t space = fields.back().find_last_of(" \t");
   if (fields.size() == 2 && space != std::string::npos) {
     const std::string last = fields.back();
-    fields.back() = Trim(last.substr(0, space));
+    fields.back() = ba::trim_copy(last.substr(0, space));
     fields.push_back(last.substr(space + 1));
   }
   return CreateEntry(fields);
 }
 
-std::vector<std::string> SplitCsv(const std::string& line) {
-  std::vector<std::string> fields(1);
-  bool is_quoted = false;
-  for (const char c : line) {
-    if (c == '"') {
-      is_quoted = !is_quoted;
-    } else if (c == ',' && !is_quoted) {
-      fields.emplace_back();
-    } else {
-      fields.back() += c;
-    }
+std::optional<Entry> ParseCsvLine(const std::string& line) {
+  // Fields may be in quotes; no character escapes another.
+  const boost::escaped_list_separator<char> separator("", ",", "\"");
+  const boost::tokenizer tokenizer(line, separator);
+  std::vector<std::string> fields(tokenizer.begin(), tokenizer.end());
+  for (std::string& field : fields) ba::trim(field);
+  return CreateEntry(fields);
+}
+
+// An entry of a list of JSON. Throws unless it has the names and the score.
+Entry ParseItem(const nlohmann::json& item) {
+  if (item.is_object()) {
+    return {item.at("image1"), item.at("image2"), item.at("score")};
   }
-  for (std::string& field : fields) field = Trim(field);
-  return fields;
+  if (item.size() != 3) throw std::runtime_error("not three values");
+  return {item.at(0), item.at(1), item.at(2)};
 }
 
 // Collects entries; errors name the place in the file.
 class ScoreCollector {
  public:
-  explicit ScoreCollector(const Scene& scene) {
-    for (const auto& [image_id, image] : scene.images) {
-      image_ids_[image.Name()] = image_id;
-      const std::string base_name =
-          std::filesystem::path(image.Name()).filename();
-      const auto [it, is_new] = base_ids_.emplace(base_name, image_id);
-      if (!is_new) it->second = colmap::kInvalidImageId;
-    }
-  }
+  explicit ScoreCollector(const Scene& scene)
+      : image_ids_(ImageIdsByName(scene, /*with_flat_names=*/false)) {}
 
   void Add(const std::string& place, const std::optional<Entry>& entry) {
     const auto fail = [&](const std::string& problem) {
@@ -122,6 +100,7 @@ class ScoreCollector {
     if (image_id1 == image_id2) fail("both names are " + entry->name1);
     const auto [it, is_new] =
         scores_.emplace(PairIdOfImages(image_id1, image_id2), entry->score);
+    // Both directions of a pair may be listed, with the same score.
     if (!is_new && it->second != entry->score) {
       fail("the pair has another score before");
     }
@@ -133,22 +112,18 @@ class ScoreCollector {
   colmap::image_t FindImage(const std::string& place,
                             const std::string& name) const {
     const auto image = image_ids_.find(name);
-    if (image != image_ids_.end()) return image->second;
-    const auto base = base_ids_.find(name);
-    if (base == base_ids_.end()) {
+    if (image == image_ids_.end()) {
       throw std::runtime_error(place + ": image " + name +
                                " is not in the database");
     }
-    if (base->second == colmap::kInvalidImageId) {
+    if (image->second == colmap::kInvalidImageId) {
       throw std::runtime_error(place + ": image " + name +
                                " is in several folders");
     }
-    return base->second;
+    return image->second;
   }
 
-  std::map<std::string, colmap::image_t> image_ids_;
-  // Without folders; kInvalidImageId where several images have the name.
-  std::map<std::string, colmap::image_t> base_ids_;
+  const std::map<std::string, colmap::image_t> image_ids_;
   PairScores scores_;
 };
 
@@ -162,19 +137,15 @@ void ReadJson(const std::string& path,
   }
   for (const auto& [key, value] : root.items()) {
     std::optional<Entry> entry;
-    if (root.is_object()) {
-      const std::vector<std::string> names = Split(key, kSeparator);
-      if (names.size() == 2 && value.is_number()) {
-        entry = Entry{names[0], names[1], value.get<double>()};
+    try {
+      if (root.is_array()) {
+        entry = ParseItem(value);
+      } else {
+        const std::vector<std::string> names = SplitAtSeparator(key);
+        if (names.size() == 2) entry = Entry{names[0], names[1], value};
       }
-    } else if (value.is_array() && value.size() == 3 && value[0].is_string() &&
-               value[1].is_string() && value[2].is_number()) {
-      entry = Entry{value[0], value[1], value[2]};
-    } else if (value.is_object() && value.contains("image1") &&
-               value.contains("image2") && value.contains("score") &&
-               value["image1"].is_string() && value["image2"].is_string() &&
-               value["score"].is_number()) {
-      entry = Entry{value["image1"], value["image2"], value["score"]};
+    } catch (const std::exception&) {
+      // Reported with its place.
     }
     collector->Add(path + ", entry " + key, entry);
   }
@@ -189,9 +160,10 @@ void ReadLines(const std::string& path,
     if (number == 1 && line.rfind(kByteOrderMark, 0) == 0) {
       line.erase(0, std::strlen(kByteOrderMark));
     }
-    line = Trim(line);
+    ba::trim(line);
     if (line.empty() || line[0] == '#') continue;
-    const auto entry = is_csv ? CreateEntry(SplitCsv(line)) : ParseLine(line);
+    const auto entry = is_csv ? ParseCsvLine(line) : ParseLine(line);
+    // Titles are recognised by having no number in the third column.
     const bool is_title = is_csv && number == 1 && !entry;
     if (!is_title) collector->Add(path + ":" + std::to_string(number), entry);
   }

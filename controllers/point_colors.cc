@@ -75,10 +75,12 @@ void ExtractPointColors(const std::string& image_path,
           ColorsInImage(image,
                         model->Camera(image.CameraId()),
                         ReadForColors(PathInside(image_path, image.Name())));
+      // Colours are decoration: a model without some of them is still useful.
     } catch (const std::runtime_error& error) {
       LOG(WARNING) << "No colours: " << error.what();
     }
   });
+  // Summed in the order of images, so that threads do not change the rounding.
   std::unordered_map<colmap::point3D_t, ColorSum> sums;
   for (const auto& colors_in_image : colors) {
     for (const auto& [point_id, color] : colors_in_image) {

@@ -3,17 +3,33 @@
 #include <chrono>
 #include <cstdio>
 #include <mutex>
+#include <utility>
 
 #include <unistd.h>
 
 namespace dgsfm {
+namespace {
+
+thread_local const ProgressListener* current_listener = nullptr;
+
+}  // namespace
+
+ProgressScope::ProgressScope(ProgressListener listener)
+    : listener_(std::move(listener)), outer_(current_listener) {
+  current_listener = &listener_;
+}
+
+ProgressScope::~ProgressScope() { current_listener = outer_; }
 
 struct Progress::Impl {
   using Clock = std::chrono::steady_clock;
 
+  const ProgressListener* listener = current_listener;
+
   std::string label;
   size_t total;
   size_t total_work;
+  double line_interval_s;
   bool is_terminal = isatty(STDERR_FILENO);
   Clock::time_point start = Clock::now();
   std::mutex mutex;
@@ -21,6 +37,7 @@ struct Progress::Impl {
   size_t work_done = 0;
   // Tenth of a second of the last bar, tenth of the work of the last line.
   int64_t last_shown = 0;
+  double last_line_s = 0;
 
   double Seconds() const {
     return std::chrono::duration<double>(Clock::now() - start).count();
@@ -42,7 +59,9 @@ struct Progress::Impl {
                  SecondsLeft());
   }
 
-  void ShowLine() const {
+  void ShowLine() {
+    if (Seconds() - last_line_s < line_interval_s) return;
+    last_line_s = Seconds();
     std::fprintf(stderr,
                  "%s: %zu/%zu, %.1f s, %.0f s left\n",
                  label.c_str(),
@@ -53,15 +72,21 @@ struct Progress::Impl {
   }
 };
 
-Progress::Progress(const std::string& label, size_t total, size_t total_work)
+Progress::Progress(const std::string& label,
+                   size_t total,
+                   size_t total_work,
+                   double line_interval_s)
     : impl_(std::make_unique<Impl>()) {
   impl_->label = label;
   impl_->total = total;
   impl_->total_work = total_work;
+  impl_->line_interval_s = line_interval_s;
 }
 
 Progress::~Progress() {
-  if (impl_->is_terminal && impl_->num_done > 0) std::fputc('\n', stderr);
+  if (impl_->listener == nullptr && impl_->is_terminal && impl_->num_done > 0) {
+    std::fputs("\r\033[K", stderr);
+  }
 }
 
 void Progress::Step(size_t work) {
@@ -69,6 +94,10 @@ void Progress::Step(size_t work) {
   if (impl_->num_done >= impl_->total) return;
   ++impl_->num_done;
   impl_->work_done += work;
+  if (impl_->listener != nullptr) {
+    (*impl_->listener)(impl_->label, impl_->num_done, impl_->total);
+    return;
+  }
   const bool is_last = impl_->num_done == impl_->total;
   const int64_t now = impl_->is_terminal
                           ? static_cast<int64_t>(10 * impl_->Seconds())

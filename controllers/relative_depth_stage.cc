@@ -121,7 +121,7 @@ RelativeDepthFits FitMaps(const DepthGeometricVerifierOptions& options,
 // verification alone has all.
 RelativeDepthFits FitMapsOfAllKeypoints(
     const DepthGeometricVerifierOptions& options, StageTimer* timer) {
-  Scene scene = ReadSceneWithoutMatches(options.database_path);
+  Scene scene = ReadScene(options.database_path, SceneContent::FEATURES);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const KeypointDepthMap depths =
       DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)

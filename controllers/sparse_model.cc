@@ -43,11 +43,13 @@ std::vector<DepthCorrespondence> FindDepthCorrespondences(
     const auto point = model.points.find(observation.point3D_id);
     if (point == model.points.end()) continue;
     const double depth = (image.cam_from_world * point->second).z();
+    // Points behind the camera have no depth to compare with.
     if (!(depth > 0)) continue;
     positions.push_back(observation.xy);
     point_depths.push_back(depth);
   }
   DepthSamplingOptions sampling;
+  // Samples at depth edges may be those of another surface than the point's.
   sampling.keep_edges = false;
   const std::vector<float> map_depths = SampleDepth(
       depth_map, positions, camera.Width(), camera.Height(), sampling);

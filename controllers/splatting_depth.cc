@@ -54,6 +54,7 @@ void WriteSplattingPng(const std::string& path,
   pixels.reserve(depth_map.values.size());
   for (const float depth : depth_map.values) {
     const double pixel =
+        // 0 is unknown, so the farthest known depth is one step.
         std::clamp(std::round(kNumSteps / (scale * depth)), 1.0, kMaxPixel);
     pixels.push_back(depth > 0 ? static_cast<uint16_t>(pixel) : 0);
   }
@@ -66,6 +67,7 @@ void WriteSplattingParameters(const std::string& folder,
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
   for (const auto& [name, scale] : scales) {
     json[Key(name)] = {{"scale", scale}, {"offset", 0.0}};
+    // A single pixel is enough: the loader scales maps to the image.
     if (scale > 0) continue;
     const fs::path path = PathInside(folder, SplattingFileName(name));
     CreateOutputFolder(path.parent_path().string());

@@ -12,6 +12,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include <Eigen/SparseCore>
 
 namespace dgsfm {
 namespace {
@@ -23,28 +24,43 @@ constexpr int kNumIterations = 8;
 // Cauchy's function has 95 % of the efficiency of squares on Gaussian errors if
 // its width is this many standard deviations.
 constexpr double kCauchyWidth = 2.385;
-// Standard deviations of a Gaussian per median absolute value.
 // Below, differences of depths have no meaning.
 constexpr double kMinSigma = 1e-6;
 // Weights of the field's smoothness against one point per node, from nearly
 // linear to nearly interpolating.
 constexpr std::array<double, 6> kSmoothness = {1000, 100, 10, 1, 0.1, 0.01};
 
+// A few entries per row.
+using SparseRows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+
 double MedianAbsolute(std::vector<double> values) {
   for (double& value : values) value = std::abs(value);
   return Median(std::move(values));
 }
 
-std::vector<double> CauchyWeights(const std::vector<double>& residuals) {
-  const double width =
-      kCauchyWidth *
-      std::max(kMinSigma, kStddevPerMad * MedianAbsolute(residuals));
-  std::vector<double> weights;
-  weights.reserve(residuals.size());
-  for (const double residual : residuals) {
-    weights.push_back(1 / (1 + residual * residual / (width * width)));
+// Least squares of rows x = targets plus x^T energy x, reweighted for Cauchy's
+// loss, whose width follows the residuals from step to step.
+Eigen::VectorXd SolveReweighted(const SparseRows& rows,
+                                const Eigen::VectorXd& targets,
+                                const Eigen::MatrixXd& energy,
+                                Eigen::VectorXd x) {
+  for (int iteration = 0; iteration < kNumIterations; ++iteration) {
+    const Eigen::VectorXd residuals = targets - rows * x;
+    const double stddev =
+        kStddevPerMad *
+        MedianAbsolute({residuals.data(), residuals.data() + residuals.size()});
+    const double width = kCauchyWidth * std::max(kMinSigma, stddev);
+    const Eigen::VectorXd weights =
+        (1 + (residuals / width).array().square()).inverse();
+    const SparseRows weighted = weights.asDiagonal() * rows;
+    const Eigen::MatrixXd normal =
+        energy + Eigen::MatrixXd(SparseRows(rows.transpose() * weighted));
+    const Eigen::VectorXd solution =
+        normal.ldlt().solve(weighted.transpose() * targets);
+    if (!solution.allFinite()) break;
+    x = solution;
   }
-  return weights;
+  return x;
 }
 
 std::vector<double> LogRatios(const Points& points) {
@@ -78,26 +94,24 @@ DepthAlignment FitScale(const Points& points) {
 // depth.
 DepthAlignment FitScaleAndShift(const Points& points) {
   DepthAlignment alignment = FitScale(points);
-  for (int iteration = 0; iteration < kNumIterations; ++iteration) {
-    const std::vector<double> weights =
-        CauchyWeights(RelativeErrors(alignment, points));
-    Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
-    Eigen::Vector2d right = Eigen::Vector2d::Zero();
-    for (size_t i = 0; i < points.size(); ++i) {
-      const Eigen::Vector2d row =
-          Eigen::Vector2d(points[i].map_depth, 1) / points[i].point_depth;
-      normal += weights[i] * row * row.transpose();
-      right += weights[i] * row;
-    }
-    const Eigen::Vector2d solution = normal.ldlt().solve(right);
-    // A flat scene determines the scale alone.
-    if (!solution.allFinite() || solution[0] <= 0 ||
-        std::abs(normal.determinant()) < 1e-12 * normal(0, 0) * normal(1, 1)) {
-      return FitScale(points);
-    }
-    alignment.scale = solution[0];
-    alignment.shift = solution[1];
+  Eigen::MatrixXd rows(points.size(), 2);
+  for (size_t i = 0; i < points.size(); ++i) {
+    rows.row(i) << points[i].map_depth, 1;
+    rows.row(i) /= points[i].point_depth;
   }
+  const Eigen::Matrix2d normal = rows.transpose() * rows;
+  // A flat scene determines the scale alone.
+  if (normal.determinant() < 1e-12 * normal(0, 0) * normal(1, 1)) {
+    return alignment;
+  }
+  const Eigen::VectorXd solution =
+      SolveReweighted(rows.sparseView(),
+                      Eigen::VectorXd::Ones(rows.rows()),
+                      Eigen::Matrix2d::Zero(),
+                      Eigen::Vector2d(alignment.scale, 0));
+  if (solution[0] <= 0) return alignment;
+  alignment.scale = solution[0];
+  alignment.shift = solution[1];
   return alignment;
 }
 
@@ -106,6 +120,8 @@ struct Interpolation {
   std::array<double, 4> weights;
 };
 
+// Bilinear weights of the four nodes around a point; beyond the image those of
+// its border.
 Interpolation Interpolate(int num_cols, int num_rows, double u, double v) {
   const double x = std::clamp(u, 0.0, 1.0) * (num_cols - 1);
   const double y = std::clamp(v, 0.0, 1.0) * (num_rows - 1);
@@ -165,53 +181,31 @@ class FieldFitter {
     DepthAlignment alignment = FitScale(points);
     alignment.num_cols = num_cols_;
     alignment.num_rows = num_rows_;
-    alignment.field.assign(num_cols_ * num_rows_, 0);
-    std::vector<double> targets = LogRatios(points);
-    for (double& target : targets) target -= std::log(alignment.scale);
-    std::vector<Interpolation> rows;
-    rows.reserve(points.size());
-    for (const DepthCorrespondence& point : points) {
-      rows.push_back(Interpolate(num_cols_, num_rows_, point.u, point.v));
-    }
-    std::vector<double> residuals = targets;
-    for (int iteration = 0; iteration < kNumIterations; ++iteration) {
-      Solve(rows, targets, CauchyWeights(residuals), smoothness, &alignment);
-      for (size_t i = 0; i < rows.size(); ++i) {
-        residuals[i] = targets[i];
-        for (int k = 0; k < 4; ++k) {
-          residuals[i] -=
-              rows[i].weights[k] * alignment.field[rows[i].nodes[k]];
-        }
+    const std::vector<double> log_ratios = LogRatios(points);
+    Eigen::VectorXd targets(points.size());
+    std::vector<Eigen::Triplet<double>> entries;
+    for (size_t i = 0; i < points.size(); ++i) {
+      targets[i] = log_ratios[i] - std::log(alignment.scale);
+      const Interpolation at =
+          Interpolate(num_cols_, num_rows_, points[i].u, points[i].v);
+      for (int k = 0; k < 4; ++k) {
+        entries.emplace_back(i, at.nodes[k], at.weights[k]);
       }
     }
+    SparseRows rows(points.size(), energy_.rows());
+    rows.setFromTriplets(entries.begin(), entries.end());
+    const double points_per_node =
+        static_cast<double>(points.size()) / energy_.rows();
+    const Eigen::VectorXd field =
+        SolveReweighted(rows,
+                        targets,
+                        smoothness * points_per_node * energy_,
+                        Eigen::VectorXd::Zero(energy_.rows()));
+    alignment.field.assign(field.data(), field.data() + field.size());
     return alignment;
   }
 
  private:
-  void Solve(const std::vector<Interpolation>& rows,
-             const std::vector<double>& targets,
-             const std::vector<double>& weights,
-             double smoothness,
-             DepthAlignment* alignment) const {
-    const double points_per_node =
-        static_cast<double>(rows.size()) / energy_.rows();
-    Eigen::MatrixXd normal = smoothness * points_per_node * energy_;
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(energy_.rows());
-    for (size_t i = 0; i < rows.size(); ++i) {
-      for (int k = 0; k < 4; ++k) {
-        const double weight = weights[i] * rows[i].weights[k];
-        right[rows[i].nodes[k]] += weight * targets[i];
-        for (int l = 0; l < 4; ++l) {
-          normal(rows[i].nodes[k], rows[i].nodes[l]) +=
-              weight * rows[i].weights[l];
-        }
-      }
-    }
-    const Eigen::VectorXd field = normal.ldlt().solve(right);
-    if (!field.allFinite()) return;
-    alignment->field.assign(field.data(), field.data() + field.size());
-  }
-
   int num_cols_;
   int num_rows_;
   Eigen::MatrixXd energy_;

@@ -14,8 +14,7 @@ namespace {
 constexpr double kDegFromRad = 180.0 / M_PI;
 
 // Shorter baselines have no direction [units of the model].
-constexpr double kMinTruthBaseline = 1e-9;
-constexpr double kMinModelBaseline = 1e-12;
+constexpr double kMinBaseline = 1e-9;
 
 double RotationErrorDeg(const Rigid3d& truth, const Rigid3d& model) {
   return kDegFromRad * truth.rotation.angularDistance(model.rotation);
@@ -25,8 +24,8 @@ double RotationErrorDeg(const Rigid3d& truth, const Rigid3d& model) {
 // but none in the model is as wrong as can be.
 double DirectionErrorDeg(const Eigen::Vector3d& truth,
                          const Eigen::Vector3d& model) {
-  if (truth.norm() < kMinTruthBaseline) return 0;
-  if (model.norm() < kMinModelBaseline) return 180;
+  if (truth.norm() < kMinBaseline) return 0;
+  if (model.norm() < kMinBaseline) return 180;
   return kDegFromRad * std::atan2(truth.cross(model).norm(), truth.dot(model));
 }
 
@@ -101,6 +100,7 @@ PoseMetrics EvaluatePoses(
   }
   const size_t num_pairs =
       metrics.num_images * (metrics.num_images - 1) / 2;  // 0 for 0 images
+  // Pairs with an image that is missing in the model.
   metrics.relative_errors_deg.resize(num_pairs,
                                      std::numeric_limits<double>::infinity());
   if (!rotation_errors.empty()) {

@@ -2,6 +2,7 @@
 # Slower checks than .ci/run has, each in a build folder of its own:
 #
 #   check.sh         all of these
+#   check.sh lint    shellcheck of the scripts, hadolint of the Dockerfile
 #   check.sh tidy    clang-tidy 14 with the checks of .clang-tidy
 #   check.sh asan    the tests with AddressSanitizer and UBSan
 #   check.sh tsan    the tests with ThreadSanitizer
@@ -15,6 +16,17 @@ fi
 if python=$(scripts/python_env.sh); then
   options+=(-DDGSFM_PYTHON="$python")
 fi
+
+check_lint() {
+  if ! command -v shellcheck >/dev/null; then
+    echo "ERROR: shellcheck is not installed (package shellcheck)" >&2
+    return 2
+  fi
+  shellcheck scripts/*.sh packaging/*.sh
+  local lint_python
+  lint_python=$(scripts/python_env.sh packaging/requirements.txt)
+  "$(dirname "$lint_python")/hadolint" Dockerfile
+}
 
 check_tidy() {
   if ! command -v run-clang-tidy-14 >/dev/null; then
@@ -34,14 +46,15 @@ check_sanitizer() {
 
 scripts/install_dependencies.sh
 if [[ $# -eq 0 ]]; then
-  set -- tidy asan tsan
+  set -- lint tidy asan tsan
 fi
 for check in "$@"; do
   case $check in
+    lint) check_lint ;;
     tidy) check_tidy ;;
     asan | tsan) check_sanitizer "$check" ;;
     *)
-      sed -n '2,7s/^# \{0,1\}//p' "${BASH_SOURCE[0]}" >&2
+      sed -n '2,8s/^# \{0,1\}//p' "${BASH_SOURCE[0]}" >&2
       exit 2
       ;;
   esac

@@ -18,7 +18,7 @@ import re
 import sys
 
 # A layer includes itself and those before it.
-LAYERS = ["colmap_ext", "estimators", "sfm", "controllers"]
+LAYERS = ["colmap_ext", "estimators", "sfm", "controllers", "python"]
 
 SCENE = r"<colmap/base/(camera|camera_rig|correspondence_graph|image|point2d" \
         r"|point3d|reconstruction|reconstruction_manager|track)\.h>"
@@ -34,6 +34,7 @@ FORBIDDEN = {
     ],
     "sfm": [(FILES_AND_DATABASES, "only controllers open files")],
     "controllers": [],
+    "python": [],
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"][^>"]+[>"])')

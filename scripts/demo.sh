@@ -44,3 +44,4 @@ echo
 cat "$logs/model_evaluator.txt"
 echo "Model:   $demo/model/0"
 echo "Picture: $demo/model.png"
+echo "Report:  $demo/model/report.html"

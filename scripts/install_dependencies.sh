@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that building, testing and the demo need; does
 # nothing if they are there. --fork adds those of a full COLMAP, for
-# DGSFM_BUILD_FORK.
+# DGSFM_BUILD_FORK, and --packages those of scripts/build_packages.sh. Where
+# there is no dpkg, or DGSFM_SKIP_INSTALL is 1, nothing is installed: CMake names
+# what it misses.
 set -euo pipefail
 
 packages=(
   # Tools. gzip, tar, patch and the like come with build-essential.
   build-essential ca-certificates clang-format-14 cmake git ninja-build
-  pkg-config python3 python3-venv
+  pkg-config python3 python3-dev python3-venv unzip
   # Libraries of COLMAP's core and of ours.
   libboost-filesystem-dev libboost-program-options-dev libboost-system-dev
   libceres-dev libeigen3-dev libfreeimage-dev libgoogle-glog-dev libhdf5-dev
@@ -18,9 +20,17 @@ packages=(
   # The program that extracts and matches features.
   colmap
 )
-if [[ ${1:-} == --fork ]]; then
+if [[ ${1:-} == --packages ]]; then
+  packages+=(dpkg-dev file patchelf)
+elif [[ ${1:-} == --fork ]]; then
   packages+=(libboost-graph-dev libboost-test-dev libflann-dev libgl-dev
     libglew-dev liblz4-dev libmetis-dev)
+fi
+
+if [[ ${DGSFM_SKIP_INSTALL:-0} == 1 ]] || ! command -v dpkg-query >/dev/null; then
+  echo "Nothing is installed; needed are, by their names in Debian:" \
+    "${packages[*]}" >&2
+  exit 0
 fi
 
 missing=()

@@ -1,11 +1,14 @@
 #!/usr/bin/env bash
-# Prints the Python of an environment with the benchmark's packages; the first
-# time it creates the environment, in the user's cache folder, named after the
-# packages and the interpreter. Fails where they cannot be obtained.
+# Prints the Python of an environment with the packages of a requirements file:
+#
+#   python_env.sh [FILE]    by default benchmark/requirements.txt
+#
+# The first time it creates the environment, in the user's cache folder, named
+# after the packages and the interpreter. Fails where they cannot be obtained.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-requirements=benchmark/requirements.txt
+requirements=${1:-benchmark/requirements.txt}
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/dgsfm
 key=$({
   /usr/bin/python3 --version

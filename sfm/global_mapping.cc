@@ -37,6 +37,7 @@ std::optional<ComponentRotations> AverageRotationsOf(
       AverageComponentRotations(context.options.averaging,
                                 context.scene,
                                 context.depths,
+                                context.frames,
                                 image_ids,
                                 pairs);
   if (!rotations) {
@@ -67,9 +68,10 @@ void MapComponents(const MappingContext& context,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
-  std::vector<ImageIds> components = ConnectedImages(*pairs);
+  std::vector<ImageIds> components = ConnectedImages(*pairs, context.frames);
   if (!options.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
+    // A copy: parts that are cut off are appended below, which moves the list.
     const ImageIds image_ids = components[i];
     if (image_ids.size() < size_t(options.min_model_size)) {
       SetReason(image_ids,
@@ -107,17 +109,22 @@ void MapComponents(const MappingContext& context,
                    });
 }
 
-void MeasureUnits(const KeypointDepthMap& depths,
+void MeasureUnits(const MappingContext& context,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
-  const bool is_any_metric =
-      std::any_of(depths.begin(), depths.end(), [](const auto& image) {
+  const bool is_any_metric = std::any_of(
+      context.depths.begin(), context.depths.end(), [](const auto& image) {
         return image.second.unit == DepthUnit::METRIC;
       });
   for (const auto& model : result->models) {
-    const MeasuredUnit unit = UnitOfModel(depths, result->depth_scales, *model);
+    MeasuredUnit unit =
+        UnitOfModel(context.depths, result->depth_scales, *model);
+    const bool rigs_fix_scale =
+        !context.options.refine_sensor_from_rig &&
+        HasBaseline(context.frames, model->RegImageIds());
+    if (rigs_fix_scale) unit.unit = ModelUnit::RIGS;
     result->units.push_back(unit);
-    if (!unit.IsDoubtful() || !is_any_metric) continue;
+    if (rigs_fix_scale || !is_any_metric || !unit.IsDoubtful()) continue;
     std::ostringstream factor;
     factor << std::setprecision(2) << std::exp(unit.log_spread);
     log->Warn("The scales of the depth maps of a model with " +
@@ -167,19 +174,15 @@ void ExplainMissingImages(const Scene& scene,
 }  // namespace
 
 DepthGlobalMapperResult RunGlobalMapping(
-    const DepthGlobalMapperOptions& given_options,
-    const PairVerificationOptions& given_verification,
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
     const PairScores& pair_scores,
     Scene* scene,
     KeypointDepthMap* depths,
     PairGeometries* pairs) {
   std::string error;
-  DGSFM_CHECK(given_options.IsValid(&error)) << error;
-  DGSFM_CHECK(given_verification.IsValid(&error)) << error;
-  DepthGlobalMapperOptions options = given_options;
-  options.refinement.num_threads = options.num_threads;
-  PairVerificationOptions verification = given_verification;
-  verification.num_threads = options.num_threads;
+  DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(verification.IsValid(&error)) << error;
 
   DepthGlobalMapperResult result;
   MappingLog log;
@@ -190,10 +193,11 @@ DepthGlobalMapperResult RunGlobalMapping(
   result.focals =
       AverageFocals(options, verification, *depths, scene, pairs, &log);
   WarnOfPlanes(*scene, *pairs, &log);
+  const FrameMembers frames = MembersOf(scene->rigs);
   const MappingContext context = {
-      options, verification, *scene, *depths, camera_beliefs};
+      options, verification, *scene, *depths, frames, camera_beliefs};
   MapComponents(context, pairs, &result, &log);
-  MeasureUnits(*depths, &result, &log);
+  MeasureUnits(context, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);
   result.stages = std::move(log.stages);
   result.warnings = std::move(log.warnings);

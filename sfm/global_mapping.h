@@ -36,8 +36,8 @@ struct DepthGlobalMapperResult {
 // Maps a scene from its verified pairs. Pairs that leave the view graph get
 // their status, cameras of the scene their averaged focal lengths, matches at
 // rest leave the scene, and unreliable maps leave `depths`. `verification` is
-// for pairs that are verified once more. Throws std::invalid_argument if
-// options are not valid.
+// for pairs that are verified once more; its threads are those of all stages.
+// Throws std::invalid_argument if options are not valid.
 DepthGlobalMapperResult RunGlobalMapping(
     const DepthGlobalMapperOptions& options,
     const PairVerificationOptions& verification,

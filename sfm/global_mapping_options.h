@@ -29,11 +29,12 @@ struct DepthGlobalMapperOptions {
   // Whether images of one camera entry that turn out to have focal lengths of
   // their own get cameras of their own.
   bool split_cameras = true;
+  // Whether known poses of cameras in their rigs are refined; unknown ones
+  // always are.
+  bool refine_sensor_from_rig = false;
   // Whether the repeatability of the models is measured, see
   // SplitHalfRepeatability.
   bool measure_repeatability = false;
-  // Threads of all stages; -1 = all cores.
-  int num_threads = -1;
 
   // Ablation: leave single stages out.
   // The search for what moves before a background at rest, and the

@@ -16,6 +16,8 @@ struct MappingContext {
   const PairVerificationOptions& verification;
   const Scene& scene;
   const KeypointDepthMap& depths;
+  // Images whose poses in their frames are known.
+  const FrameMembers& frames;
   // The database's values and EXIF data of all cameras.
   const CameraBeliefs& camera_beliefs;
 };

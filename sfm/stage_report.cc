@@ -1,6 +1,8 @@
 #include "sfm/stage_report.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/process_memory.h"
+#include "sfm/stage_story.h"
 
 #include <sstream>
 
@@ -24,6 +26,7 @@ double CpuSeconds() {
 
 StageTimer::StageTimer(const std::string& stage)
     : start_(std::chrono::steady_clock::now()), cpu_start_(CpuSeconds()) {
+  ThrowIfCancelled();
   report_.stage = stage;
 }
 
@@ -56,8 +59,11 @@ void StageTimer::Finish(std::vector<StageReport>* reports) {
   }
   line << " (" << report_.seconds << " s, " << report_.peak_memory_mb
        << " MB peak)";
-  LOG(INFO) << line.str();
+  VLOG(1) << line.str();
   reports->push_back(report_);
+  for (const std::string& sentence : NextSentences(*reports)) {
+    LOG(INFO) << sentence;
+  }
 }
 
 }  // namespace dgsfm

@@ -1,4 +1,5 @@
-// What a stage did: logged as one line and written to report.json.
+// What a stage did: part of the story in the log, in detail at verbosity 1,
+// and written to report.json.
 
 #pragma once
 
@@ -22,14 +23,14 @@ struct StageReport {
   double peak_memory_mb = 0;
 };
 
-// Measures a stage from construction to Finish().
+// A stage from construction, which throws Cancelled if it is, to Finish().
 class StageTimer {
  public:
   explicit StageTimer(const std::string& stage);
   StageTimer& Add(const std::string& figure, double value);
   // The number of pairs of each kind, degeneracies as "valid_...".
   StageTimer& Add(const PairTotals& totals);
-  // Logs the stage and appends it to the reports.
+  // Appends the stage to the reports and logs the sentences that it completes.
   void Finish(std::vector<StageReport>* reports);
 
  private:

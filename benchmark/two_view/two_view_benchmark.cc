@@ -122,11 +122,9 @@ void RefineStep(benchmark::State& state) {
   const TwoViewScene scene = CreateScene(static_cast<int>(state.range(0)), 1);
   SplitMix64 random(1);
   const TwoViewProblem problem(scene.input, options, &random);
-  const TwoViewData data = problem.Data().Subset(problem.Inliers(scene.truth));
-  TwoViewCostOptions cost_options = problem.CostOptions(DepthTerm::WHITENED);
+  const TwoViewData data = Subset(problem.Data(), problem.Inliers(scene.truth));
+  TwoViewCostOptions cost_options = problem.CostOptions(/*with_depth=*/true);
   cost_options.depth_field_stddev = 0.05;
-  cost_options.depth_field_unit1_px = problem.ImageUnit1();
-  cost_options.depth_field_unit2_px = problem.ImageUnit2();
   TwoViewRefinementOptions refinement_options;
   refinement_options.max_num_iterations = 1;
   for (auto _ : state) {
@@ -134,7 +132,7 @@ void RefineStep(benchmark::State& state) {
     benchmark::DoNotOptimize(RefineModel(
         data, FocalCase::TWO, cost_options, refinement_options, &model));
   }
-  state.SetItemsProcessed(state.iterations() * data.Size());
+  state.SetItemsProcessed(state.iterations() * data.size());
 }
 BENCHMARK(RefineStep)->Arg(400)->Arg(2000)->Unit(benchmark::kMicrosecond);
 

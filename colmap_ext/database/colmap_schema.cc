@@ -2,6 +2,7 @@
 
 namespace dgsfm {
 
+// The message of SQLite about a missing table would not name the cause.
 void CheckIsColmapDatabase(const SqliteConnection& connection) {
   for (const char* table :
        {"cameras", "images", "keypoints", "matches", "two_view_geometries"}) {

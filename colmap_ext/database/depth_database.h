@@ -13,11 +13,9 @@
 
 #include <chrono>
 #include <map>
-#include <memory>
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace dgsfm {
@@ -37,7 +35,6 @@ class DepthDatabase {
   DepthDatabase(const std::string& path,
                 Mode mode,
                 std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
-  ~DepthDatabase();
 
   // Writes map and samples of one image, one per key point of the image in the
   // database, replacing earlier ones. The second form lets threads compress.
@@ -102,8 +99,15 @@ class DepthDatabase {
   void CommitTransaction();
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  // Runs `write` with the tables in place; all or nothing.
+  template <typename Write>
+  void RunWrite(const Write& write);
+  void WriteSamples(colmap::image_t image_id,
+                    const KeypointDepths& keypoint_depths);
+
+  const SqliteConnection connection_;
+  const Mode mode_;
+  std::optional<SqliteTransaction> transaction_;
 };
 
 }  // namespace dgsfm

@@ -64,6 +64,7 @@ CREATE TABLE IF NOT EXISTS dgsfm_displayed_images (
            REFERENCES images(image_id) ON DELETE CASCADE);
 )";
 
+// Each update leads to the next version, so that they can be chained.
 constexpr char kUpdateFromVersion1[] = R"(
 ALTER TABLE dgsfm_keypoint_depths
   ADD COLUMN focal_length REAL NOT NULL DEFAULT 0;
@@ -87,6 +88,7 @@ UPDATE dgsfm_schema SET version = 4;
 int64_t TablesVersion(const SqliteConnection& connection) {
   if (!connection.HasTable("dgsfm_schema")) return 0;
   SqliteStatement select(connection, "SELECT version FROM dgsfm_schema");
+  // A table without a row is of no version, which HasDepthTables() refuses.
   return select.Step() ? select.Int(0) : -1;
 }
 

@@ -20,6 +20,7 @@ FeatureCache::FeatureCache(const std::string& database_path,
 
 std::shared_ptr<const ImageFeatures> FeatureCache::Get(
     colmap::image_t image_id) {
+  // Reading is serialized too, as a connection serves one thread at a time.
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto found = entries_.find(image_id);
   if (found != entries_.end()) {
@@ -27,6 +28,8 @@ std::shared_ptr<const ImageFeatures> FeatureCache::Get(
     return found->second.features;
   }
   std::shared_ptr<const ImageFeatures> features = Read(image_id);
+  // The features may be larger than the cache: they are handed out all the
+  // same.
   MakeRoomFor(features->image.NumPoints2D());
   by_use_.push_front(image_id);
   entries_[image_id] = {features, by_use_.begin()};

@@ -42,6 +42,7 @@ std::vector<colmap::point2D_t> OrderToGive(
     std::vector<colmap::point2D_t> indices,
     const std::vector<int>& cells,
     const std::vector<int>& num_matches) {
+  // Ties are broken by the index, so that the order is the same everywhere.
   std::sort(indices.begin(), indices.end(), [&](auto a, auto b) {
     return num_matches[a] != num_matches[b] ? num_matches[a] > num_matches[b]
                                             : a < b;
@@ -62,12 +63,11 @@ std::vector<colmap::point2D_t> OrderToGive(
 // Images with more key points than are to be used, by id.
 std::vector<colmap::image_t> ImagesWithManyKeypoints(
     const SqliteConnection& connection, size_t max_num_keypoints) {
-  SqliteStatement select(connection,
-                         "SELECT image_id FROM keypoints JOIN images "
-                         "USING (image_id) WHERE rows > ? ORDER BY image_id");
-  select.BindInt(1,
-                 static_cast<int64_t>(std::min<size_t>(
-                     max_num_keypoints, std::numeric_limits<int>::max())));
+  SqliteStatement select(
+      connection,
+      "SELECT image_id FROM keypoints JOIN images "
+      "USING (image_id) WHERE rows > ? ORDER BY image_id",
+      std::min<size_t>(max_num_keypoints, std::numeric_limits<int>::max()));
   std::vector<colmap::image_t> image_ids;
   while (select.Step()) {
     image_ids.push_back(static_cast<colmap::image_t>(select.Int(0)));
@@ -94,6 +94,7 @@ std::vector<ImageMatches> MatchesOfImage(
   return all_matches;
 }
 
+// Key points without a match cost nothing, so only matched ones count.
 size_t NumMatchedKeypoints(const std::vector<ImageMatches>& all_matches,
                            size_t num_keypoints) {
   std::vector<char> is_matched(num_keypoints, 0);
@@ -184,6 +185,8 @@ KeptKeypoints SelectKeypoints(const SqliteConnection& connection,
     pairs[image_id2].push_back(pair.pair_id);
   }
   KeptKeypoints all_kept;
+  // Choices in other images have added key points to images that are not
+  // restricted; these keep all of theirs.
   std::vector<colmap::image_t> restricted_ids;
   for (const colmap::image_t image_id : image_ids) {
     const auto points = ReadKeypoints(connection, scene.images.at(image_id));
@@ -227,6 +230,7 @@ std::vector<size_t> RestrictMatches(const KeptKeypoints& kept,
     restricted.emplace_back(*index1, *index2);
     origins.push_back(i);
   }
+  // Few of the matches may be left, and all pairs stay in memory.
   restricted.shrink_to_fit();
   *matches = std::move(restricted);
   return origins;

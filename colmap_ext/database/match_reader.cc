@@ -14,6 +14,7 @@ constexpr char kVerified[] =
     // Calibrated, uncalibrated, planar, panoramic, planar or panoramic,
     // calibrated rig; the others are failures, watermarks and mixtures.
     "WHERE rows != 0 AND config IN (2, 3, 4, 5, 6, 9)";
+// Columns are named, as later versions of COLMAP have others besides.
 const std::string kSelectRow = "SELECT pair_id, rows, cols, data";
 
 bool IsLess(const colmap::FeatureMatch& a, const colmap::FeatureMatch& b) {
@@ -49,14 +50,13 @@ MatchReader::MatchReader(const SqliteConnection& connection, const Scene& scene)
                        kSelectRow + kVerified + " AND pair_id = ?") {
   // Only rows of images, whose ids are checked: a greater id cut to 32 bits
   // would be that of another image.
-  SqliteStatement select(connection,
-                         "SELECT image_id, rows FROM keypoints "
-                         "JOIN images USING (image_id)");
-  while (select.Step()) {
-    num_keypoints_[static_cast<colmap::image_t>(select.Int(0))] = select.Int(1);
-  }
+  num_keypoints_ = SelectMap<colmap::image_t, int64_t>(
+      connection,
+      "SELECT image_id, rows FROM keypoints JOIN images USING (image_id)");
 }
 
+// Putative matches are preferred, as verification without depth may have
+// dropped matches that depth confirms.
 std::vector<MatchReader::PairSize> MatchReader::ListPairs() const {
   std::vector<PairSize> pairs;
   SqliteStatement select(connection_,
@@ -74,7 +74,7 @@ std::vector<MatchReader::PairSize> MatchReader::ListPairs() const {
 colmap::FeatureMatches MatchReader::Read(colmap::image_pair_t pair_id) {
   for (SqliteStatement* select : {&select_putative_, &select_verified_}) {
     // Reset at once, because an open row locks the database.
-    select->BindInt(1, static_cast<int64_t>(pair_id));
+    select->Bind(pair_id);
     const bool is_found = select->Step();
     colmap::FeatureMatches matches;
     if (is_found) matches = ReadRow(*select);
@@ -125,10 +125,12 @@ colmap::FeatureMatches MatchReader::ReadRow(const SqliteStatement& row) const {
     CheckIndex(pair, image1, matches[i].point2D_idx1);
     CheckIndex(pair, image2, matches[i].point2D_idx2);
   }
+  // Duplicates would count twice as evidence of a geometry.
   RemoveDuplicates(&matches);
   return matches;
 }
 
+// The usual cause is an extraction that was repeated without matching again.
 void MatchReader::CheckIndex(const std::string& pair,
                              const colmap::Image& image,
                              colmap::point2D_t point2D_idx) const {

@@ -8,6 +8,7 @@
 namespace dgsfm {
 namespace {
 
+// As in COLMAP's own tables: one row of two indices per match.
 std::vector<uint32_t> FlattenMatches(const colmap::FeatureMatches& matches) {
   std::vector<uint32_t> flat;
   flat.reserve(2 * matches.size());
@@ -54,23 +55,24 @@ void PairGeometryInserter::Insert(colmap::image_pair_t pair_id,
                                   const PairGeometry& geometry) {
   const Rigid3d& pose = geometry.cam2_from_cam1;
   const Eigen::Vector4d qvec = QvecFromRotation(pose.rotation);
-  insert_.BindInt(1, static_cast<int64_t>(pair_id))
-      .BindInt(2, static_cast<int>(geometry.status))
-      .BindBytes(3, qvec.data(), 4 * sizeof(double))
-      .BindBytes(4, pose.translation.data(), 3 * sizeof(double))
-      .BindInt(5, geometry.has_scale)
-      .BindDouble(6, geometry.scale_1_from_2)
-      .BindDouble(7, geometry.focal_length1_px)
-      .BindDouble(8, geometry.focal_length2_px)
-      .BindInt(9, geometry.estimated_focal1)
-      .BindInt(10, geometry.estimated_focal2)
-      .BindInt(11, geometry.degeneracies)
-      .BindDouble(12, geometry.log_scale_stddev)
-      .BindInt(13, static_cast<int64_t>(geometry.num_matches))
-      .BindInt(14, static_cast<int64_t>(geometry.inlier_matches.size()))
-      .BindBlob(15, FlattenMatches(geometry.inlier_matches))
-      .BindBlob(16, geometry.depth_verified)
-      .BindInt(17, static_cast<int64_t>(geometry.fingerprint))
+  insert_
+      .Bind(pair_id,
+            geometry.status,
+            qvec,
+            pose.translation,
+            geometry.has_scale,
+            geometry.scale_1_from_2,
+            geometry.focal_length1_px,
+            geometry.focal_length2_px,
+            geometry.estimated_focal1,
+            geometry.estimated_focal2,
+            geometry.degeneracies,
+            geometry.log_scale_stddev,
+            geometry.num_matches,
+            geometry.inlier_matches.size(),
+            FlattenMatches(geometry.inlier_matches),
+            geometry.depth_verified,
+            geometry.fingerprint)
       .Run();
 }
 
@@ -110,6 +112,7 @@ PairGeometry PairGeometryCursor::Geometry() const {
         << PairName() << ": " << problem
         << "; run depth_geometric_verifier with --restart 1";
   };
+  // Sizes come first: all that follows indexes these vectors.
   if (qvec.size() != 4 || tvec.size() != 3 ||
       select_.Int(13) != static_cast<int64_t>(num_rows)) {
     fail("damaged geometry");
@@ -136,6 +139,7 @@ PairGeometry PairGeometryCursor::Geometry() const {
       fail("its geometry refers to key points that are gone");
     }
   }
+  // A wrong number in the file is an error of the data, not of a caller.
   try {
     CheckPairGeometry(geometry);
   } catch (const std::invalid_argument&) {

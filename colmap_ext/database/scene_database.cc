@@ -30,12 +30,7 @@ constexpr double kMaxCameraParam = 1e12;
 constexpr double kMinFocalLength = 1e-3;   // [px]
 constexpr double kMaxCoordinatePx = 1e12;  // of key points
 
-// Sensor type of cameras in the tables rigs and rig_sensors.
-constexpr char kMultiCameraRigQuery[] =
-    "SELECT rig_id, sensor_id FROM rig_sensors WHERE sensor_type = 0 "
-    "EXCEPT SELECT rig_id, ref_sensor_id FROM rigs WHERE ref_sensor_type = 0 "
-    "ORDER BY rig_id LIMIT 1";
-
+// Names the model, so that users need not look up its number.
 std::string CameraModelDescription(int64_t model_id) {
   // Added by COLMAP after 3.8.
   static const std::vector<std::string> kNewerModels = {
@@ -63,7 +58,9 @@ std::vector<Eigen::Vector2d> ReadPoints(const SqliteConnection& connection,
   const int64_t num_rows = row.Int(1);
   const int64_t num_cols = row.Int(2);
   const std::vector<float> data = row.Blob<float>(3);
+  // COLMAP writes such rows for images in which it finds nothing.
   if (num_rows == 0 && data.empty()) return std::vector<Eigen::Vector2d>();
+  // x, y; scale and orientation; or an affine shape behind them.
   if (num_cols != 2 && num_cols != 4 && num_cols != 6) {
     throw connection.Error() << "image " << name << ": key points have "
                              << num_cols << " columns, not 2, 4 or 6";
@@ -85,8 +82,6 @@ std::vector<Eigen::Vector2d> ReadPoints(const SqliteConnection& connection,
   return points;
 }
 
-enum class SceneContent { IMAGES, FEATURES, MATCHES };
-
 // Reads the tables in an order in which each can be checked against the ones
 // before.
 class SceneReader {
@@ -98,6 +93,7 @@ class SceneReader {
       : connection_(connection), max_num_keypoints_(max_num_keypoints) {}
 
   Scene Read(SceneContent content) {
+    // Another program may write between two of the queries.
     const SqliteTransaction snapshot(connection_,
                                      SqliteTransaction::Kind::READ);
     CheckIsColmapDatabase(connection_);
@@ -174,6 +170,7 @@ class SceneReader {
     return camera;
   }
 
+  // COLMAP itself aborts on a wrong number of parameters.
   void CheckParams(const colmap::Camera& camera) const {
     if (!camera.VerifyParams()) {
       throw connection_.Error()
@@ -214,9 +211,9 @@ class SceneReader {
     SqliteStatement select(connection_,
                            "SELECT image_id, name, camera_id FROM images");
     while (select.Step()) {
-      const int64_t image_id = select.Int(0);
-      const std::string name = select.Text(1);
-      const int64_t camera_id = select.Int(2);
+      const auto [image_id, name, camera_id] =
+          select.Columns<int64_t, std::string, int64_t>();
+      // Before anything else, as all other messages contain the name.
       CheckName(image_id, name);
       if (image_id < 0 || image_id >= static_cast<int64_t>(kMaxNumImages)) {
         throw connection_.Error()
@@ -267,64 +264,29 @@ class SceneReader {
 
 }  // namespace
 
-Scene ReadScene(const std::string& database_path,
-                std::chrono::milliseconds busy_timeout) {
-  const SqliteConnection connection(
-      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
-  return SceneReader(connection).Read(SceneContent::MATCHES);
+Scene ReadScene(const std::string& database_path, SceneContent content) {
+  const SqliteConnection connection(database_path,
+                                    SqliteConnection::Mode::READ_ONLY);
+  return SceneReader(connection).Read(content);
 }
 
 Scene ReadSceneWithFewKeypoints(const std::string& database_path,
-                                int max_num_keypoints,
-                                std::chrono::milliseconds busy_timeout) {
+                                int max_num_keypoints) {
   DGSFM_CHECK(max_num_keypoints > 0) << max_num_keypoints;
-  const SqliteConnection connection(
-      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
+  const SqliteConnection connection(database_path,
+                                    SqliteConnection::Mode::READ_ONLY);
   return SceneReader(connection, static_cast<size_t>(max_num_keypoints))
       .Read(SceneContent::MATCHES);
-}
-
-Scene ReadSceneWithoutMatches(const std::string& database_path,
-                              std::chrono::milliseconds busy_timeout) {
-  const SqliteConnection connection(
-      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
-  return SceneReader(connection).Read(SceneContent::FEATURES);
-}
-
-Scene ReadSceneWithoutFeatures(const std::string& database_path,
-                               std::chrono::milliseconds busy_timeout) {
-  const SqliteConnection connection(
-      database_path, SqliteConnection::Mode::READ_ONLY, busy_timeout);
-  return SceneReader(connection).Read(SceneContent::IMAGES);
 }
 
 std::vector<Eigen::Vector2d> ReadKeypoints(const SqliteConnection& connection,
                                            const colmap::Image& image) {
   SqliteStatement select(
       connection,
-      "SELECT image_id, rows, cols, data FROM keypoints WHERE image_id = ?");
-  select.BindInt(1, image.ImageId());
+      "SELECT image_id, rows, cols, data FROM keypoints WHERE image_id = ?",
+      image.ImageId());
   if (!select.Step()) return std::vector<Eigen::Vector2d>();
   return ReadPoints(connection, select, image.Name());
-}
-
-void CheckHasNoRig(const std::string& database_path) {
-  const SqliteConnection connection(database_path,
-                                    SqliteConnection::Mode::READ_ONLY);
-  if (!connection.HasTable("rigs") || !connection.HasTable("rig_sensors")) {
-    return;
-  }
-  SqliteStatement select(connection, kMultiCameraRigQuery);
-  if (!select.Step()) return;
-  SqliteStatement images(connection,
-                         "SELECT name FROM images WHERE camera_id = ? "
-                         "ORDER BY image_id LIMIT 1");
-  images.BindInt(1, select.Int(1));
-  throw connection.Error()
-      << "rig " << select.Int(0) << " has more than one camera (such as camera "
-      << select.Int(1) << (images.Step() ? " of image " + images.Text(0) : "")
-      << "); rigs are not supported: --ignore_rigs 1 maps their images as if "
-         "each moved by itself";
 }
 
 }  // namespace dgsfm

@@ -8,11 +8,13 @@
 #include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/scene.h"
 
-#include <chrono>
 #include <string>
 #include <vector>
 
 namespace dgsfm {
+
+// What is read of a database, each with all before it.
+enum class SceneContent { IMAGES, FEATURES, MATCHES };
 
 // Loads and validates a scene: indices in range, finite key points, known
 // cameras and camera models, no duplicate matches (duplicates are removed).
@@ -20,28 +22,14 @@ namespace dgsfm {
 // database is opened read-only and must exist. Camera models that COLMAP 3.8
 // lacks are refused by name.
 Scene ReadScene(const std::string& database_path,
-                std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
+                SceneContent content = SceneContent::MATCHES);
 // The same with at most about max_num_keypoints matched key points an image:
 // images with more use those that ChooseKeypoints takes for half as many
 // matches, and those that these are matched with (Scene::kept_keypoints).
 // Memory grows with the images and with the matches of one image, not with all
 // matches.
-Scene ReadSceneWithFewKeypoints(
-    const std::string& database_path,
-    int max_num_keypoints,
-    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
-// The same for callers that need only cameras, images and key points, or only
-// cameras and images.
-Scene ReadSceneWithoutMatches(
-    const std::string& database_path,
-    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
-Scene ReadSceneWithoutFeatures(
-    const std::string& database_path,
-    std::chrono::milliseconds busy_timeout = kDefaultBusyTimeout);
-
-// Throws std::runtime_error naming the rig if images of several cameras move
-// together (COLMAP 3.12 and later), which Scene cannot represent.
-void CheckHasNoRig(const std::string& database_path);
+Scene ReadSceneWithFewKeypoints(const std::string& database_path,
+                                int max_num_keypoints);
 
 // The key points of one image of the scene [px]; none if it has no row. Throws
 // as ReadScene().

@@ -140,8 +140,10 @@ void SqliteConnection::Execute(const std::string& sql) const {
 
 bool SqliteConnection::HasTable(const std::string& name) const {
   SqliteStatement statement(
-      *this, "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?");
-  return statement.BindText(1, name).Step();
+      *this,
+      "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?",
+      name);
+  return statement.Step();
 }
 
 void SqliteConnection::Fail(int result_code, const std::string& sql) const {
@@ -153,47 +155,39 @@ void SqliteConnection::Fail(int result_code, const std::string& sql) const {
 SqliteStatement::SqliteStatement(const SqliteConnection& connection,
                                  const std::string& sql)
     : connection_(connection) {
-  const int result_code = sqlite3_prepare_v2(connection.Handle(),
-                                             sql.c_str(),
-                                             static_cast<int>(sql.size()),
-                                             &handle_,
-                                             nullptr);
+  const int result_code = sqlite3_prepare_v2(
+      connection.Handle(), sql.c_str(), -1, &handle_, nullptr);
   if (result_code != SQLITE_OK) connection.Fail(result_code, sql);
 }
 
 SqliteStatement::~SqliteStatement() { sqlite3_finalize(handle_); }
 
-SqliteStatement& SqliteStatement::BindInt(int parameter, int64_t value) {
+void SqliteStatement::BindInt(int parameter, int64_t value) {
   Check(sqlite3_bind_int64(handle_, parameter, value));
-  return *this;
 }
 
-SqliteStatement& SqliteStatement::BindDouble(int parameter, double value) {
+void SqliteStatement::BindDouble(int parameter, double value) {
   Check(sqlite3_bind_double(handle_, parameter, value));
-  return *this;
 }
 
-SqliteStatement& SqliteStatement::BindText(int parameter,
-                                           const std::string& value) {
+void SqliteStatement::BindText(int parameter, std::string_view value) {
   Check(sqlite3_bind_text64(handle_,
                             parameter,
                             value.data(),
                             value.size(),
                             SQLITE_TRANSIENT,
                             SQLITE_UTF8));
-  return *this;
 }
 
-SqliteStatement& SqliteStatement::BindBytes(int parameter,
-                                            const void* data,
-                                            size_t num_bytes) {
+void SqliteStatement::BindBytes(int parameter,
+                                const void* data,
+                                size_t num_bytes) {
   // A null pointer would bind NULL.
   Check(sqlite3_bind_blob64(handle_,
                             parameter,
                             num_bytes == 0 ? "" : data,
                             num_bytes,
                             SQLITE_TRANSIENT));
-  return *this;
 }
 
 bool SqliteStatement::Step() {

@@ -7,9 +7,13 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -81,24 +85,33 @@ class SqliteConnection {
   sqlite3* handle_ = nullptr;
 };
 
-// A prepared statement. Parameters count from 1, columns from 0, as in SQLite.
-// The connection must outlive it.
+// A prepared statement. Columns count from 0, as in SQLite. The connection must
+// outlive it.
 class SqliteStatement {
  public:
   SqliteStatement(const SqliteConnection& connection, const std::string& sql);
+  // Binds the values as well.
+  template <typename... Values>
+  SqliteStatement(const SqliteConnection& connection,
+                  const std::string& sql,
+                  const Values&... values)
+      : SqliteStatement(connection, sql) {
+    Bind(values...);
+  }
   ~SqliteStatement();
   SqliteStatement(const SqliteStatement&) = delete;
   SqliteStatement& operator=(const SqliteStatement&) = delete;
 
-  SqliteStatement& BindInt(int parameter, int64_t value);
-  SqliteStatement& BindDouble(int parameter, double value);
-  SqliteStatement& BindText(int parameter, const std::string& value);
-  // The values are copied as they lie in memory; empty gives an empty blob.
-  template <typename T>
-  SqliteStatement& BindBlob(int parameter, const std::vector<T>& values) {
-    return BindBytes(parameter, values.data(), values.size() * sizeof(T));
+  // Binds the first parameters of the statement: integers, booleans and
+  // enumerations (unsigned 64-bit numbers as the signed ones of the same bits),
+  // floating point numbers, texts, and vectors as blobs: their elements as they
+  // lie in memory, without any an empty blob.
+  template <typename... Values>
+  SqliteStatement& Bind(const Values&... values) {
+    int parameter = 0;
+    (BindValue(++parameter, values), ...);
+    return *this;
   }
-  SqliteStatement& BindBytes(int parameter, const void* data, size_t num_bytes);
 
   // Advances to the next row; false behind the last one.
   bool Step();
@@ -113,6 +126,16 @@ class SqliteStatement {
   double Double(int column) const;
   std::string Text(int column) const;
   bool IsNull(int column) const;
+  // The first columns, integers cut to their type.
+  template <typename... Types>
+  std::tuple<Types...> Columns() const {
+    std::tuple<Types...> row;
+    int column = 0;
+    std::apply(
+        [&](Types&... values) { ((values = Column<Types>(column++)), ...); },
+        row);
+    return row;
+  }
   // NULL is an empty blob. Throws if the size is no multiple of sizeof(T).
   template <typename T>
   std::vector<T> Blob(int column) const {
@@ -127,12 +150,56 @@ class SqliteStatement {
 
  private:
   void Check(int result_code) const;
+  void BindInt(int parameter, int64_t value);
+  void BindDouble(int parameter, double value);
+  void BindText(int parameter, std::string_view value);
+  void BindBytes(int parameter, const void* data, size_t num_bytes);
+
+  template <typename T>
+  void BindValue(int parameter, const T& value) {
+    if constexpr (std::is_integral_v<T> || std::is_enum_v<T>) {
+      BindInt(parameter, static_cast<int64_t>(value));
+    } else if constexpr (std::is_floating_point_v<T>) {
+      BindDouble(parameter, value);
+    } else if constexpr (std::is_convertible_v<T, std::string_view>) {
+      BindText(parameter, value);
+    } else {
+      BindBytes(parameter, value.data(), value.size() * sizeof(*value.data()));
+    }
+  }
+
+  template <typename T>
+  T Column(int column) const {
+    if constexpr (std::is_integral_v<T> || std::is_enum_v<T>) {
+      return static_cast<T>(Int(column));
+    } else if constexpr (std::is_floating_point_v<T>) {
+      return Double(column);
+    } else if constexpr (std::is_same_v<T, std::string>) {
+      return Text(column);
+    } else {
+      return Blob<typename T::value_type>(column);
+    }
+  }
+
   size_t BlobBytes(int column, size_t element_size) const;
   [[noreturn]] void FailColumn(int column, const char* expected) const;
 
   const SqliteConnection& connection_;
   sqlite3_stmt* handle_ = nullptr;
 };
+
+// Rows of a query whose first column, the key, is sorted and unique.
+template <typename Key, typename Value>
+std::map<Key, Value> SelectMap(const SqliteConnection& connection,
+                               const std::string& sql) {
+  std::map<Key, Value> values;
+  SqliteStatement select(connection, sql);
+  while (select.Step()) {
+    const auto [key, value] = select.Columns<Key, Value>();
+    values.emplace_hint(values.end(), key, value);
+  }
+  return values;
+}
 
 // All or nothing: what runs until Commit() is undone by the destructor if
 // Commit() was not reached. Transactions nest.

@@ -46,6 +46,8 @@ void CheckAspect(const DepthGrid& grid,
                  double max_aspect_factor) {
   const double error =
       AspectError(grid.width, grid.height, camera.Width(), camera.Height());
+  // A map that fits when transposed is certainly turned, whereas one that fits
+  // neither way may come from a network of square input.
   const double transposed_error =
       AspectError(grid.height, grid.width, camera.Width(), camera.Height());
   const std::string sizes =
@@ -77,6 +79,8 @@ void MultiplyRayCosines(const colmap::Camera& camera, DepthGrid* grid) {
     for (int x = 0; x < grid->width; ++x, ++i) {
       const Eigen::Vector2d x_norm =
           camera.ImageToWorld({(x + 0.5) * x_scale, (y + 0.5) * y_scale});
+      // A ray that does not exist has NaN coordinates, which make depth
+      // unknown.
       grid->values[i] /= std::sqrt(1 + x_norm.squaredNorm());
     }
   }
@@ -223,6 +227,7 @@ ImportedDepth ConvertRawDepth(RawDepth raw,
         {double(raw.depth.width), double(raw.depth.height)},
         {double(width), double(height)});
   }
+  // Masks are in the frame of the model's input, so they apply before turning.
   internal::ApplyConfidence(options, &raw);
   if (orientation != 1) raw.depth = internal::TurnBack(raw.depth, orientation);
   result.is_stretched =
@@ -231,10 +236,6 @@ ImportedDepth ConvertRawDepth(RawDepth raw,
       MaxAspectError(raw.depth);
   ConvertGrid(std::move(raw.depth), camera, options, &result);
   return result;
-}
-
-void WriteBytes(const std::string& path, const std::vector<uint8_t>& bytes) {
-  WriteFile(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 DepthGrid GridOf(const DepthMap& depth_map) {
@@ -257,34 +258,33 @@ bool DepthReadOptions::IsValid(std::string* error) const {
     }
     return false;
   }
-  const auto check =
-      [error](
-          const char* name, double value, bool is_valid, const char* bound) {
-        if (!is_valid && error != nullptr) {
-          std::ostringstream message;
-          message << name << " is " << value << " but must be " << bound;
-          *error = message.str();
-        }
-        return is_valid;
-      };
-  return check("scale",
-               scale,
-               scale >= std::numeric_limits<float>::min() &&
-                   scale <= std::numeric_limits<float>::max(),
-               "positive and finite") &&
-         check("max_depth", max_depth, max_depth >= 0, "at least 0") &&
-         check("min_confidence",
-               min_confidence,
-               !std::isnan(min_confidence),
-               "a number") &&
-         check("max_uncertainty",
-               max_uncertainty,
-               max_uncertainty >= 0,
-               "at least 0") &&
-         check("max_aspect_factor",
-               max_aspect_factor,
-               max_aspect_factor >= 1,
-               "at least 1");
+  using Limits = std::numeric_limits<float>;
+  struct Bound {
+    const char* name;
+    double value;
+    bool is_kept;
+    const char* requirement;
+  };
+  const bool is_float = scale >= Limits::min() && scale <= Limits::max();
+  const bool is_number = !std::isnan(min_confidence);
+  const Bound bounds[] = {
+      {"scale", scale, is_float, "positive and finite"},
+      {"max_depth", max_depth, max_depth >= 0, "at least 0"},
+      {"min_confidence", min_confidence, is_number, "a number"},
+      {"max_uncertainty", max_uncertainty, max_uncertainty >= 0, "at least 0"},
+      {"max_aspect_factor",
+       max_aspect_factor,
+       max_aspect_factor >= 1,
+       "at least 1"}};
+  for (const Bound& bound : bounds) {
+    if (bound.is_kept) continue;
+    std::ostringstream message;
+    message << bound.name << " is " << bound.value << " but must be "
+            << bound.requirement;
+    if (error != nullptr) *error = message.str();
+    return false;
+  }
+  return true;
 }
 
 std::string DepthFile::Description() const {
@@ -324,10 +324,10 @@ DepthMap ReadDepthMap(const std::string& path,
 void WriteDepthNpy(const std::string& path,
                    const DepthMap& depth_map,
                    NpyPrecision precision) {
-  WriteBytes(path,
-             precision == NpyPrecision::HALF
-                 ? internal::FormatNpyHalf(GridOf(depth_map))
-                 : internal::FormatNpyFloat(GridOf(depth_map)));
+  WriteFile(path,
+            precision == NpyPrecision::HALF
+                ? internal::FormatNpyHalf(GridOf(depth_map))
+                : internal::FormatNpyFloat(GridOf(depth_map)));
 }
 
 void WriteDepthExr(const std::string& path, const DepthMap& depth_map) {
@@ -335,7 +335,7 @@ void WriteDepthExr(const std::string& path, const DepthMap& depth_map) {
 }
 
 void WriteDepthDenseBin(const std::string& path, const DepthMap& depth_map) {
-  WriteBytes(path, internal::FormatDenseBin(GridOf(depth_map)));
+  WriteFile(path, internal::FormatDenseBin(GridOf(depth_map)));
 }
 
 void WriteDepthPng(const std::string& path,

@@ -4,11 +4,14 @@
 #pragma once
 
 #include "colmap_ext/depth/depth_map.h"
+#include "colmap_ext/formats/depth_file_formats.h"
 
 #include <colmap/util/alignment.h>
 
 #include <colmap/base/camera.h>
 
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,9 +49,26 @@ struct DepthReadOptions {
   bool IsValid(std::string* error) const;
 };
 
+// Arrays in memory: that of a name, if there is one. Called from any thread.
+using ArrayReader =
+    std::function<std::optional<internal::NumberArray>(const std::string&)>;
+
+// All names of arrays that ReadDepth takes notice of.
+inline constexpr const char* kDepthArrayNames[] = {"depth",
+                                                   "points",
+                                                   "mask",
+                                                   "conf",
+                                                   "confidence",
+                                                   "uncertainty",
+                                                   "intrinsics",
+                                                   "intrinsic"};
+
 // Where the depth of an image is.
 struct DepthFile {
+  // With `arrays`, what these are called in messages.
   std::string path;
+  // In place of a file, arrays with the names that ReadDepth reads from .npz.
+  ArrayReader arrays;
   // Group of the image in an HDF5 file, otherwise empty.
   std::string group;
   // A map of confidence in any format of one array, PNG of 8 bits too; empty
@@ -90,7 +110,7 @@ const std::vector<std::string>& DepthFileExtensions();
 //   of the image (its principal point decides), or a vector that
 //   begins with the focal length in pixels of the map; an identity matrix
 //   counts as none;
-// - .exr: see ParseExr; .tif, .tiff: see ParseTiff;
+// - .exr: see ParseExr; .tif, .tiff: see ReadTiff;
 // - .pfm: one channel;
 // - .png: 16 bits, one channel; 65535 is unknown;
 // - .bin: a map of COLMAP's dense stereo.

@@ -6,6 +6,7 @@
 namespace dgsfm {
 namespace {
 
+// The undistorted map keeps the density of the original.
 int ScaledSize(int size, size_t from, size_t to) {
   const double scaled = std::round(double(size) * to / from);
   return static_cast<int>(std::clamp(scaled, 1.0, double(kMaxDepthMapSize)));
@@ -32,6 +33,8 @@ DepthMap UndistortDepth(const DepthMap& depth_map,
           {(x + 0.5) * x_scale, (y + 0.5) * y_scale});
       row[x] = camera.WorldToImage(ray);
     }
+    // z-depth is the same in both cameras, which share centre and axes: only
+    // its place in the image changes.
     const std::vector<float> depths =
         SampleDepth(depth_map,
                     row,

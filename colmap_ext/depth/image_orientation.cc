@@ -8,15 +8,8 @@
 namespace dgsfm {
 
 int ReadExifOrientation(const std::string& path) {
-  const ImageFile header = ReadImageHeader(path);
-  FITAG* tag = nullptr;
-  FreeImage_GetMetadata(FIMD_EXIF_MAIN, header.get(), "Orientation", &tag);
-  if (tag == nullptr || FreeImage_GetTagType(tag) != FIDT_SHORT ||
-      FreeImage_GetTagCount(tag) != 1) {
-    return 1;
-  }
   const int orientation =
-      *static_cast<const uint16_t*>(FreeImage_GetTagValue(tag));
+      ReadExifNumber(ReadImageHeader(path), FIMD_EXIF_MAIN, "Orientation");
   return orientation >= 1 && orientation <= 8 ? orientation : 1;
 }
 
@@ -27,6 +20,7 @@ void TurnSize(int orientation, int* width, int* height) {
 std::pair<int, int> DisplayedPixel(
     int orientation, int width, int height, int x, int y) {
   DGSFM_CHECK(orientation >= 1 && orientation <= 8) << orientation;
+  // Orientations 1 to 8 in order: four of the same shape, four transposed.
   const int mirrored_x = width - 1 - x;
   const int mirrored_y = height - 1 - y;
   const int xs[] = {x, mirrored_x, mirrored_x, x, y, mirrored_y, mirrored_y, y};

@@ -18,16 +18,20 @@ namespace {
 
 constexpr float kUnknownInPng = 65535;
 
-std::vector<uint8_t> ReadFile(const std::string& path) {
+// Throws with the reason if the file cannot be read or is too large.
+void CheckFile(const std::string& path) {
   std::error_code error;
   const uintmax_t size = std::filesystem::file_size(path, error);
   if (error) throw std::runtime_error(error.message());
   if (size > kMaxFileBytes) {
     throw std::runtime_error("the file is too large for a depth map");
   }
-  std::vector<uint8_t> bytes(size);
+}
+
+std::string ReadFile(const std::string& path) {
+  std::string bytes(std::filesystem::file_size(path), '\0');
   std::ifstream file(path, std::ios::binary);
-  if (!file.read(reinterpret_cast<char*>(bytes.data()), bytes.size())) {
+  if (!file.read(bytes.data(), bytes.size())) {
     throw std::runtime_error(std::strerror(errno));
   }
   return bytes;
@@ -54,6 +58,7 @@ RawDepth ReadArrays(const Read& read) {
   raw.mask = read_grid({"mask"});
   raw.confidence = read_grid({"conf", "confidence"});
   raw.uncertainty = read_grid({"uncertainty"});
+  // Networks do not agree on the plural.
   raw.intrinsics = read("intrinsics");
   if (!raw.intrinsics) raw.intrinsics = read("intrinsic");
   return raw;
@@ -63,22 +68,22 @@ RawDepth ReadArrays(const Read& read) {
 template <typename ParsePicture>
 DepthGrid ReadGrid(const std::string& path, const ParsePicture& parse_png) {
   const std::string extension = LowerExtension(path);
-  const std::vector<uint8_t> bytes = ReadFile(path);
-  if (extension == ".npy") return ToGrid(ParseNpy(bytes));
+  CheckFile(path);
+  if (extension == ".tif" || extension == ".tiff") return ReadTiff(path);
+  std::string bytes = ReadFile(path);
+  if (extension == ".npy") return ToGrid(ParseNpy(std::move(bytes)));
   if (extension == ".pfm") return ParsePfm(bytes);
-  if (extension == ".png") return parse_png(bytes);
+  if (extension == ".png") return parse_png(std::move(bytes));
   if (extension == ".exr") return ParseExr(bytes);
   if (extension == ".bin") return ParseDenseBin(bytes);
-  if (extension == ".tif" || extension == ".tiff") {
-    return ParseTiff(bytes);
-  }
   throw std::runtime_error("the extension '" + extension +
                            "' is no known depth format");
 }
 
-// Numbers of a PNG, with the largest there is unknown.
-DepthGrid ReadDepthPng(const std::vector<uint8_t>& bytes) {
-  DepthGrid grid = ParsePng(bytes, /*bit_depth=*/16);
+// Numbers of a PNG. Sensors write the largest there is where they measure
+// nothing.
+DepthGrid ReadDepthPng(std::string bytes) {
+  DepthGrid grid = ParsePng(std::move(bytes), /*bit_depth=*/16);
   for (float& value : grid.values) {
     if (value == kUnknownInPng) value = 0;
   }
@@ -86,8 +91,8 @@ DepthGrid ReadDepthPng(const std::vector<uint8_t>& bytes) {
 }
 
 // The same of a picture. The largest disparity is that of the nearest surface.
-DepthGrid ReadRelativePng(const std::vector<uint8_t>& bytes, DepthType type) {
-  GrayPicture picture = ParseGrayPicture(bytes);
+DepthGrid ReadRelativePng(std::string bytes, DepthType type) {
+  GrayPicture picture = ParseGrayPicture(std::move(bytes));
   if (type == DepthType::RELATIVE_DEPTH) {
     for (float& value : picture.grid.values) {
       if (value == picture.max_value) value = 0;
@@ -97,6 +102,7 @@ DepthGrid ReadRelativePng(const std::vector<uint8_t>& bytes, DepthType type) {
 }
 
 RawDepth ReadArraysOrGrid(const DepthFile& file, DepthType type) {
+  if (file.arrays) return ReadArrays(file.arrays);
   if (IsHdf5Path(file.path)) {
     const Hdf5File archive(file.path);
     return ReadArrays(
@@ -108,35 +114,38 @@ RawDepth ReadArraysOrGrid(const DepthFile& file, DepthType type) {
     return ReadArrays([&](const char* name) { return archive.Read(name); });
   }
   RawDepth raw;
-  raw.depth = ReadGrid(file.path, [&](const std::vector<uint8_t>& bytes) {
-    return IsAffine(type) ? ReadRelativePng(bytes, type) : ReadDepthPng(bytes);
+  raw.depth = ReadGrid(file.path, [&](std::string bytes) {
+    return IsAffine(type) ? ReadRelativePng(std::move(bytes), type)
+                          : ReadDepthPng(std::move(bytes));
   });
   return raw;
 }
 
 DepthGrid ReadConfidence(const std::string& path) {
   try {
-    return ReadGrid(path, [](const std::vector<uint8_t>& bytes) {
-      return ParsePng(bytes, /*bit_depth=*/8);
+    return ReadGrid(path, [](std::string bytes) {
+      return ParsePng(std::move(bytes), /*bit_depth=*/8);
     });
   } catch (const std::runtime_error& error) {
     throw std::runtime_error("confidence " + path + ": " + error.what());
   }
 }
 
-// Makes depth unknown where is_unknown(value of the other grid).
-template <typename IsUnknown>
-void ExcludePixels(const DepthGrid& other,
+// Makes depth unknown where the other grid, if there is one, does not have a
+// number that is_kept(number).
+template <typename IsKept>
+void ExcludePixels(const std::optional<DepthGrid>& other,
                    const std::string& name,
-                   const IsUnknown& is_unknown,
+                   const IsKept& is_kept,
                    DepthGrid* depth) {
-  if (other.width != depth->width || other.height != depth->height) {
+  if (!other) return;
+  if (other->width != depth->width || other->height != depth->height) {
     throw std::runtime_error(
-        "the " + name + " is " + FormatSize(other.width, other.height) +
+        "the " + name + " is " + FormatSize(other->width, other->height) +
         " but the depth map " + FormatSize(depth->width, depth->height));
   }
   for (size_t i = 0; i < depth->values.size(); ++i) {
-    if (is_unknown(other.values[i])) depth->values[i] = 0;
+    if (!is_kept(other->values[i])) depth->values[i] = 0;
   }
 }
 
@@ -155,35 +164,21 @@ RawDepth ReadRawDepth(const DepthFile& file, DepthType type) {
 }
 
 void ApplyConfidence(const DepthReadOptions& options, RawDepth* raw) {
-  // Written so that NaN excludes.
-  if (raw->mask) {
-    ExcludePixels(
-        *raw->mask,
-        "mask",
-        [](float mask) { return !(mask > 0); },
-        &raw->depth);
-  }
-  if (raw->confidence) {
-    ExcludePixels(
-        *raw->confidence,
-        "confidence",
-        [&](float confidence) {
-          return !(confidence > 0 && confidence >= options.min_confidence);
-        },
-        &raw->depth);
-  }
-  if (raw->uncertainty && options.max_uncertainty > 0) {
-    ExcludePixels(
-        *raw->uncertainty,
-        "uncertainty",
-        [&](float uncertainty) {
-          return !(uncertainty <= options.max_uncertainty);
-        },
-        &raw->depth);
+  // No comparison with NaN holds, so that it excludes.
+  const auto is_in_mask = [](float mask) { return mask > 0; };
+  const auto is_confident = [&](float confidence) {
+    return confidence > 0 && confidence >= options.min_confidence;
+  };
+  const auto is_certain = [&](float uncertainty) {
+    return uncertainty <= options.max_uncertainty;
+  };
+  ExcludePixels(raw->mask, "mask", is_in_mask, &raw->depth);
+  ExcludePixels(raw->confidence, "confidence", is_confident, &raw->depth);
+  if (options.max_uncertainty > 0) {
+    ExcludePixels(raw->uncertainty, "uncertainty", is_certain, &raw->depth);
   }
 }
 
-// The map of the image as stored from that of the image as displayed.
 DepthGrid TurnBack(const DepthGrid& grid, int orientation) {
   if (orientation == 1) return grid;
   DepthGrid turned = {grid.width, grid.height, {}};

@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 namespace dgsfm {
 namespace {
@@ -30,6 +31,7 @@ std::vector<float> CheckedValues(NumberArray array,
   return std::move(array.values);
 }
 
+// Takes two columns of a matrix of `stride` columns.
 std::vector<Eigen::Vector2f> Points(const std::vector<float>& values,
                                     size_t first,
                                     size_t stride) {
@@ -73,6 +75,7 @@ DenseMatches ReadArrays(const Read& read) {
       break;
     }
   }
+  // Matchers write one row per match; anything else cannot be paired.
   if (matches.points1.size() != matches.points2.size() ||
       (!matches.confidences.empty() &&
        matches.confidences.size() != matches.points1.size())) {
@@ -91,6 +94,7 @@ std::vector<std::string> GroupsOfArrays(const std::vector<std::string>& names) {
   return {groups.begin(), groups.end()};
 }
 
+// Sorted, because folders list their files in no particular order.
 std::vector<std::string> ListArchives(const std::string& folder) {
   std::vector<std::string> groups;
   for (const fs::directory_entry& entry :
@@ -126,7 +130,15 @@ struct DenseMatchFile::Impl {
     }
   }
 
+  explicit Impl(std::map<std::string, ArrayReader> given)
+      : arrays(std::move(given)) {
+    for (const auto& [group, reader] : arrays) groups.push_back(group);
+  }
+
   DenseMatches Read(const std::string& group) const {
+    if (const auto reader = arrays.find(group); reader != arrays.end()) {
+      return ReadArrays(reader->second);
+    }
     if (hdf5) {
       return ReadArrays(
           [&](const std::string& name) { return hdf5->Read(group, name); });
@@ -141,6 +153,7 @@ struct DenseMatchFile::Impl {
     return ReadArrays([&](const std::string& name) { return file.Read(name); });
   }
 
+  std::map<std::string, ArrayReader> arrays;
   std::string folder;
   std::optional<internal::Hdf5File> hdf5;
   std::optional<internal::NpzFile> npz;
@@ -154,6 +167,10 @@ DenseMatchFile::DenseMatchFile(const std::string& path) : path_(path) {
     throw std::runtime_error(path + ": " + error.what());
   }
 }
+
+DenseMatchFile::DenseMatchFile(const std::string& path,
+                               std::map<std::string, ArrayReader> arrays)
+    : path_(path), impl_(std::make_unique<Impl>(std::move(arrays))) {}
 
 DenseMatchFile::~DenseMatchFile() = default;
 

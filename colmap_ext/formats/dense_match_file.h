@@ -3,6 +3,9 @@
 
 #pragma once
 
+#include "colmap_ext/depth/depth_map_io.h"
+
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +35,9 @@ struct DenseMatches {
 class DenseMatchFile {
  public:
   explicit DenseMatchFile(const std::string& path);
+  // Arrays in memory by the names of groups; `path` is their name in messages.
+  DenseMatchFile(const std::string& path,
+                 std::map<std::string, ArrayReader> arrays);
   ~DenseMatchFile();
 
   const std::string& Path() const { return path_; }

@@ -3,32 +3,30 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <stdexcept>
 #include <utility>
 
-#include <boost/endian/conversion.hpp>
-
 namespace dgsfm::internal {
 namespace {
 
+constexpr char kSpaces[] = " \t\n\v\f\r";
+
 // The next token of a PFM header, which ends at white space.
-std::string NextToken(const std::vector<uint8_t>& bytes, size_t* pos) {
+std::string NextToken(const std::string& bytes, size_t* pos) {
   constexpr size_t kMaxTokenSize = 32;
-  while (*pos < bytes.size() && std::isspace(bytes[*pos])) ++*pos;
-  std::string token;
-  while (*pos < bytes.size() && !std::isspace(bytes[*pos]) &&
-         token.size() < kMaxTokenSize) {
-    token.push_back(static_cast<char>(bytes[(*pos)++]));
-  }
-  return token;
+  const size_t begin =
+      std::min(bytes.find_first_not_of(kSpaces, *pos), bytes.size());
+  *pos = std::min({bytes.find_first_of(kSpaces, begin),
+                   begin + kMaxTokenSize,
+                   bytes.size()});
+  return bytes.substr(begin, *pos - begin);
 }
 
 uint64_t ParseCount(const std::string& token, const std::string& format) {
   if (token.empty() || token.size() > 9 ||
-      !std::all_of(token.begin(), token.end(), [](unsigned char c) {
-        return std::isdigit(c);
-      })) {
+      token.find_first_not_of("0123456789") != std::string::npos) {
     throw std::runtime_error(format + " with the size '" + token + "'");
   }
   return std::stoull(token);
@@ -44,12 +42,24 @@ bool ParseByteOrder(const std::string& token) {
   return scale < 0;
 }
 
-void CheckDataSize(size_t data_size, uint64_t width, uint64_t height) {
-  if (data_size == 4 * width * height) return;
-  throw std::runtime_error(
-      std::to_string(data_size) + " bytes of data instead of the " +
-      std::to_string(4 * width * height) + " of " + std::to_string(width) +
-      " x " + std::to_string(height) + " values");
+// A grid of the floats that are the rest of the bytes, little endian.
+DepthGrid LoadGrid(const std::string& bytes,
+                   size_t begin,
+                   uint64_t width,
+                   uint64_t height) {
+  CheckGridSize(width, height);
+  const size_t data_size = bytes.size() - std::min(begin, bytes.size());
+  if (data_size != sizeof(float) * width * height) {
+    throw std::runtime_error(
+        std::to_string(data_size) + " bytes of data instead of the " +
+        std::to_string(4 * width * height) + " of " + std::to_string(width) +
+        " x " + std::to_string(height) + " values");
+  }
+  DepthGrid grid = {static_cast<int>(width),
+                    static_cast<int>(height),
+                    std::vector<float>(width * height)};
+  std::memcpy(grid.values.data(), bytes.data() + begin, data_size);
+  return grid;
 }
 
 }  // namespace
@@ -117,7 +127,7 @@ DepthGrid ToGridOfZ(const NumberArray& points) {
   return grid;
 }
 
-DepthGrid ParsePfm(const std::vector<uint8_t>& bytes) {
+DepthGrid ParsePfm(const std::string& bytes) {
   size_t pos = 0;
   const std::string magic = NextToken(bytes, &pos);
   if (magic == "PF") {
@@ -127,67 +137,45 @@ DepthGrid ParsePfm(const std::vector<uint8_t>& bytes) {
   const uint64_t width = ParseCount(NextToken(bytes, &pos), "PFM header");
   const uint64_t height = ParseCount(NextToken(bytes, &pos), "PFM header");
   const bool is_little_endian = ParseByteOrder(NextToken(bytes, &pos));
-  CheckGridSize(width, height);
   // A single white space separates header and data.
-  const size_t data_size = bytes.size() - std::min(pos + 1, bytes.size());
-  CheckDataSize(data_size, width, height);
-  DepthGrid grid = {static_cast<int>(width), static_cast<int>(height), {}};
-  grid.values.resize(width * height);
-  const uint8_t* data = bytes.data() + pos + 1;
-  for (size_t y = height; y-- > 0;) {  // the file begins at the bottom
-    for (size_t x = 0; x < width; ++x, data += 4) {
-      using namespace boost::endian;
-      grid.values[y * width + x] =
-          is_little_endian ? endian_load<float, 4, order::little>(data)
-                           : endian_load<float, 4, order::big>(data);
+  DepthGrid grid = LoadGrid(bytes, pos + 1, width, height);
+  if (!is_little_endian) {
+    for (float& value : grid.values) {
+      auto* value_bytes = reinterpret_cast<char*>(&value);
+      std::reverse(value_bytes, value_bytes + sizeof(value));
     }
+  }
+  // The file begins with the bottom row.
+  for (size_t y = 0; y < height / 2; ++y) {
+    const auto row = grid.values.begin() + y * width;
+    std::swap_ranges(row, row + width, grid.values.end() - (y + 1) * width);
   }
   return grid;
 }
 
-DepthGrid ParseDenseBin(const std::vector<uint8_t>& bytes) {
+DepthGrid ParseDenseBin(const std::string& bytes) {
   uint64_t sizes[3] = {0, 0, 0};
   size_t pos = 0;
   for (uint64_t& size : sizes) {
-    std::string token;
-    while (pos < bytes.size() && bytes[pos] != '&' && token.size() < 10) {
-      token.push_back(static_cast<char>(bytes[pos++]));
-    }
-    if (pos >= bytes.size() || bytes[pos++] != '&') {
+    const size_t end = bytes.find('&', pos);
+    if (end == std::string::npos || end - pos > 10) {
       throw std::runtime_error("not a map of COLMAP's dense stereo");
     }
-    size = ParseCount(token, "map of dense stereo");
+    size = ParseCount(bytes.substr(pos, end - pos), "map of dense stereo");
+    pos = end + 1;
   }
-  CheckGridSize(sizes[0], sizes[1]);
   if (sizes[2] != 1) {
     throw std::runtime_error("a map of " + std::to_string(sizes[2]) +
                              " channels is no depth map");
   }
-  const size_t num_values = sizes[0] * sizes[1];
-  CheckDataSize(bytes.size() - pos, sizes[0], sizes[1]);
-  DepthGrid grid = {static_cast<int>(sizes[0]),
-                    static_cast<int>(sizes[1]),
-                    std::vector<float>(num_values)};
-  for (size_t i = 0; i < num_values; ++i) {
-    grid.values[i] =
-        boost::endian::endian_load<float, 4, boost::endian::order::little>(
-            bytes.data() + pos + 4 * i);
-  }
-  return grid;
+  return LoadGrid(bytes, pos, sizes[0], sizes[1]);
 }
 
-std::vector<uint8_t> FormatDenseBin(const DepthGrid& grid) {
-  const std::string header =
-      std::to_string(grid.width) + "&" + std::to_string(grid.height) + "&1&";
-  std::vector<uint8_t> bytes(header.begin(), header.end());
-  bytes.resize(header.size() + 4 * grid.values.size());
-  uint8_t* data = bytes.data() + header.size();
-  for (const float value : grid.values) {
-    boost::endian::endian_store<float, 4, boost::endian::order::little>(data,
-                                                                        value);
-    data += 4;
-  }
-  return bytes;
+std::string FormatDenseBin(const DepthGrid& grid) {
+  return std::to_string(grid.width) + "&" + std::to_string(grid.height) +
+         "&1&" +
+         std::string(reinterpret_cast<const char*>(grid.values.data()),
+                     sizeof(float) * grid.values.size());
 }
 
 }  // namespace dgsfm::internal

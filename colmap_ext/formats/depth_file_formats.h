@@ -11,6 +11,7 @@
 #include "colmap_ext/depth/depth_map.h"
 
 #include <cstdint>
+#include <cstring>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,14 @@ struct NumberArray {
   std::vector<float> values;
 };
 
+// The number that lies there in memory, aligned or not.
+template <typename T>
+T LoadNumber(const void* data) {
+  T number;
+  std::memcpy(&number, data, sizeof(T));
+  return number;
+}
+
 // What the path ends in, with the dot, in small letters.
 std::string LowerExtension(const std::string& path);
 
@@ -59,37 +68,37 @@ DepthGrid ToGridOfZ(const NumberArray& points);
 // NumPy array (format versions 1 to 3) of floats of 2, 4 or 8 bytes, integers
 // of 1 to 8 bytes or booleans, either byte order, C or Fortran order. Allocates
 // at most four times the bytes.
-NumberArray ParseNpy(const std::vector<uint8_t>& bytes);
+NumberArray ParseNpy(std::string bytes);
 
-// Little-endian half-precision floats.
-std::vector<float> HalfsToFloats(const std::vector<uint8_t>& bytes);
+// From the bits of half-precision floats.
+std::vector<float> HalfsToFloats(const std::vector<uint16_t>& halfs);
 
 // Portable float map of one channel ("Pf"). Byte order by the sign of its
 // scale, whose size is ignored, as every reader does.
-DepthGrid ParsePfm(const std::vector<uint8_t>& bytes);
+DepthGrid ParsePfm(const std::string& bytes);
 
 // Grayscale PNG of 8 or 16 bits with the numbers as they are.
-DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth);
+DepthGrid ParsePng(std::string bytes, int bit_depth);
 
 // Map of COLMAP's dense stereo: "width&height&1&", then floats from the top.
-DepthGrid ParseDenseBin(const std::vector<uint8_t>& bytes);
+DepthGrid ParseDenseBin(const std::string& bytes);
 
 // OpenEXR, scan lines or tiles, any compression: of the first part the only
 // channel, or the one called Z, depth, V or Y (also behind a layer's name).
 // Numbers from 1e9 on, which renderers write where there is nothing, are
 // infinite. Outside the data window depth is unknown.
-DepthGrid ParseExr(const std::vector<uint8_t>& bytes);
+DepthGrid ParseExr(const std::string& bytes);
 
-// The first page of a TIFF, strips or tiles, any compression that libtiff
+// The first page of a TIFF file, strips or tiles, any compression that libtiff
 // reads: one sample per pixel, floats of 2, 4 or 8 bytes or integers without
 // sign of 1, 2 or 4.
-DepthGrid ParseTiff(const std::vector<uint8_t>& bytes);
+DepthGrid ReadTiff(const std::string& path);
 
 // Little endian, C order, format version 1.
-std::vector<uint8_t> FormatNpyHalf(const DepthGrid& grid);
-std::vector<uint8_t> FormatNpyFloat(const DepthGrid& grid);
+std::string FormatNpyHalf(const DepthGrid& grid);
+std::string FormatNpyFloat(const DepthGrid& grid);
 
-std::vector<uint8_t> FormatDenseBin(const DepthGrid& grid);
+std::string FormatDenseBin(const DepthGrid& grid);
 // One channel Z of floats, ZIP compression.
 std::string FormatExr(const DepthGrid& grid);
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cstring>
 #include <exception>
 #include <limits>
 #include <mutex>
@@ -11,56 +10,15 @@
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
-#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfStdIO.h>
 
 namespace dgsfm::internal {
 namespace {
 
 // Blender, for one, writes 1e10 where there is nothing.
 constexpr float kRendererInfinity = 1e9;
-
-class MemoryStream : public Imf::IStream {
- public:
-  explicit MemoryStream(const std::vector<uint8_t>& bytes)
-      : Imf::IStream("memory"), bytes_(bytes) {}
-
-  bool read(char data[], int size) override {
-    if (size < 0 || pos_ > bytes_.size() ||
-        static_cast<size_t>(size) > bytes_.size() - pos_) {
-      throw std::runtime_error("the file is truncated");
-    }
-    std::memcpy(data, bytes_.data() + pos_, size);
-    pos_ += size;
-    return pos_ < bytes_.size();
-  }
-  uint64_t tellg() override { return pos_; }
-  void seekg(uint64_t pos) override { pos_ = pos; }
-
- private:
-  const std::vector<uint8_t>& bytes_;
-  uint64_t pos_ = 0;
-};
-
-class MemoryOutput : public Imf::OStream {
- public:
-  MemoryOutput() : Imf::OStream("memory") {}
-
-  // OpenEXR returns to its table of offsets in the end.
-  void write(const char data[], int size) override {
-    bytes.resize(std::max<size_t>(bytes.size(), pos_ + size));
-    std::memcpy(&bytes[pos_], data, size);
-    pos_ += size;
-  }
-  uint64_t tellp() override { return pos_; }
-  void seekp(uint64_t pos) override { pos_ = pos; }
-
-  std::string bytes;
-
- private:
-  uint64_t pos_ = 0;
-};
 
 // Behind the names of layers, in small letters.
 std::string LastName(const std::string& name) {
@@ -69,6 +27,7 @@ std::string LastName(const std::string& name) {
   return last;
 }
 
+// Renderers name the channel by their own custom.
 std::string FindDepthChannel(const Imf::ChannelList& channels) {
   std::vector<std::string> names;
   std::string all;
@@ -125,6 +84,7 @@ DepthGrid ReadPixels(size_t file_size, Imf::InputFile* file) {
                     std::vector<float>(width * height)};
   for (uint64_t y = 0; y < data_height; ++y) {
     const int64_t grid_y = data.min.y - int64_t(window.min.y) + int64_t(y);
+    // The data window may be smaller or larger than the image, or beside it.
     if (grid_y < 0 || grid_y >= grid.height) continue;
     for (uint64_t x = 0; x < data_width; ++x) {
       const int64_t grid_x = data.min.x - int64_t(window.min.x) + int64_t(x);
@@ -140,7 +100,7 @@ DepthGrid ReadPixels(size_t file_size, Imf::InputFile* file) {
 
 }  // namespace
 
-DepthGrid ParseExr(const std::vector<uint8_t>& bytes) {
+DepthGrid ParseExr(const std::string& bytes) {
   // Bounds what a damaged header can make OpenEXR allocate.
   static std::once_flag is_limited;
   std::call_once(is_limited, [] {
@@ -148,7 +108,8 @@ DepthGrid ParseExr(const std::vector<uint8_t>& bytes) {
     Imf::Header::setMaxTileSize(kMaxDepthMapSize, kMaxDepthMapSize);
   });
   try {
-    MemoryStream stream(bytes);
+    Imf::StdISStream stream;
+    stream.str(bytes);
     Imf::InputFile file(stream, /*numThreads=*/0);
     return ReadPixels(bytes.size(), &file);
   } catch (const std::exception& error) {
@@ -157,9 +118,10 @@ DepthGrid ParseExr(const std::vector<uint8_t>& bytes) {
 }
 
 std::string FormatExr(const DepthGrid& grid) {
-  MemoryOutput output;
+  Imf::StdOSStream output;
   try {
     Imf::Header header(grid.width, grid.height);
+    // Lossless, and read by every program.
     header.compression() = Imf::ZIP_COMPRESSION;
     header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
     Imf::FrameBuffer frame_buffer;
@@ -176,7 +138,7 @@ std::string FormatExr(const DepthGrid& grid) {
   } catch (const std::exception& error) {
     throw std::runtime_error(std::string("EXR: ") + error.what());
   }
-  return std::move(output.bytes);
+  return output.str();
 }
 
 }  // namespace dgsfm::internal

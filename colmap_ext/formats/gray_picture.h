@@ -4,8 +4,7 @@
 
 #include "colmap_ext/formats/depth_file_formats.h"
 
-#include <cstdint>
-#include <vector>
+#include <string>
 
 namespace dgsfm::internal {
 
@@ -16,6 +15,6 @@ struct GrayPicture {
   DepthGrid grid;
   float max_value = 255;  // of its number of bits
 };
-GrayPicture ParseGrayPicture(const std::vector<uint8_t>& bytes);
+GrayPicture ParseGrayPicture(std::string bytes);
 
 }  // namespace dgsfm::internal

@@ -37,17 +37,19 @@ class Connection {
   // Whoever else has the descriptor too.
   void HangUp() { shutdown(socket_, SHUT_RDWR); }
 
-  void WriteNumber(uint64_t number) { Write(&number, sizeof(number)); }
+  void WriteNumber(uint64_t number) {
+    Transfer(&send, &number, sizeof(number));
+  }
 
   template <typename Values>
   void WriteValues(const Values& values) {
     WriteNumber(values.size());
-    Write(values.data(), values.size() * sizeof(values[0]));
+    Transfer(&send, values.data(), values.size() * sizeof(values[0]));
   }
 
   uint64_t ReadNumber() {
     uint64_t number = 0;
-    Read(&number, sizeof(number));
+    Transfer(&recv, &number, sizeof(number));
     return number;
   }
 
@@ -58,26 +60,17 @@ class Connection {
     // The other process may have gone astray before it crashes.
     if (size > kMaxFileBytes / sizeof(values[0])) throw ConnectionLost();
     values.resize(size);
-    Read(values.data(), size * sizeof(values[0]));
+    Transfer(&recv, values.data(), size * sizeof(values[0]));
     return values;
   }
 
  private:
-  void Write(const void* data, size_t size) {
-    const char* bytes = static_cast<const char*>(data);
+  // Sends from, or receives into, all of the memory, which only recv changes.
+  template <typename Operation>
+  void Transfer(Operation operation, const void* data, size_t size) {
+    char* bytes = static_cast<char*>(const_cast<void*>(data));
     while (size > 0) {
-      const ssize_t count = send(socket_, bytes, size, MSG_NOSIGNAL);
-      if (count < 0 && errno == EINTR) continue;
-      if (count <= 0) throw ConnectionLost();
-      bytes += count;
-      size -= count;
-    }
-  }
-
-  void Read(void* data, size_t size) {
-    char* bytes = static_cast<char*>(data);
-    while (size > 0) {
-      const ssize_t count = recv(socket_, bytes, size, 0);
+      const ssize_t count = operation(socket_, bytes, size, MSG_NOSIGNAL);
       if (count < 0 && errno == EINTR) continue;
       if (count <= 0) throw ConnectionLost();
       bytes += count;
@@ -135,6 +128,7 @@ void AnswerRequest(const Hdf5Library& file, Connection* connection) {
 void Serve(const std::string& path, int max_seconds, Connection* connection) {
   std::unique_ptr<Hdf5Library> file;
   while (true) {
+    // Each request has its own time; idle time costs no processor time.
     LimitTime(max_seconds);
     try {
       if (file == nullptr) {
@@ -171,8 +165,10 @@ class Hdf5File::Reader {
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0) {
       throw std::runtime_error(std::strerror(errno));
     }
+    // Without exec, since the child needs code of this library alone.
     process_ = fork();
     if (process_ == 0) RunChild(path, max_seconds, sockets[1]);
+    // Only the child may hold this end, whose closing reports its death.
     close(sockets[1]);
     connection_ = std::make_unique<Connection>(sockets[0]);
     if (process_ < 0) throw std::runtime_error(std::strerror(errno));

@@ -67,19 +67,21 @@ std::vector<uint64_t> ReadShape(hid_t space) {
   if (num_dimensions < 0 || num_dimensions > kMaxNumDimensions) {
     throw std::runtime_error(std::to_string(num_dimensions) + " dimensions");
   }
+  // libhdf5 writes as many numbers as there are dimensions.
   hsize_t sizes[kMaxNumDimensions] = {};
   H5Sget_simple_extent_dims(space, sizes, nullptr);
   return {sizes, sizes + num_dimensions};
 }
 
-// NumPy's booleans are an enumeration of bytes there.
-std::vector<float> ReadBooleans(hid_t dataset, hid_t type, uint64_t count) {
-  std::vector<uint8_t> bytes(count);
-  if (H5Tget_size(type) != 1 ||
-      H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0) {
+// The numbers in the given type of libhdf5, whose elements are those of T.
+template <typename T>
+std::vector<T> ReadAs(hid_t dataset, hid_t type, uint64_t count) {
+  std::vector<T> values(count);
+  if (H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) <
+      0) {
     throw std::runtime_error("unreadable");
   }
-  return {bytes.begin(), bytes.end()};
+  return values;
 }
 
 // Little-endian IEEE halfs, for which libhdf5 has no name.
@@ -99,32 +101,21 @@ bool IsHalf(hid_t type) {
          mantissa_size == 10;
 }
 
-// libhdf5 takes 20 times as long to convert them.
-std::vector<float> ReadHalfs(hid_t dataset, hid_t type, uint64_t count) {
-  std::vector<uint8_t> bytes(2 * count);
-  if (H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0) {
-    throw std::runtime_error("unreadable");
-  }
-  return HalfsToFloats(bytes);
-}
-
 std::vector<float> ReadValues(hid_t dataset, hid_t type, uint64_t count) {
   const H5T_class_t type_class = type < 0 ? H5T_NO_CLASS : H5Tget_class(type);
-  if (type_class == H5T_ENUM) return ReadBooleans(dataset, type, count);
+  // NumPy's booleans are an enumeration of bytes there.
+  if (type_class == H5T_ENUM && H5Tget_size(type) == 1) {
+    const auto bytes = ReadAs<uint8_t>(dataset, type, count);
+    return {bytes.begin(), bytes.end()};
+  }
   if (type_class != H5T_FLOAT && type_class != H5T_INTEGER) {
     throw std::runtime_error("no numbers");
   }
-  if (IsHalf(type)) return ReadHalfs(dataset, type, count);
-  std::vector<float> values(count);
-  if (H5Dread(dataset,
-              H5T_NATIVE_FLOAT,
-              H5S_ALL,
-              H5S_ALL,
-              H5P_DEFAULT,
-              values.data()) < 0) {
-    throw std::runtime_error("unreadable");
+  // libhdf5 takes 20 times as long to convert them.
+  if (IsHalf(type)) {
+    return HalfsToFloats(ReadAs<uint16_t>(dataset, type, count));
   }
-  return values;
+  return ReadAs<float>(dataset, H5T_NATIVE_FLOAT, count);
 }
 
 }  // namespace

@@ -2,8 +2,6 @@
 
 #include "colmap_ext/formats/image_header.h"
 
-#include <cmath>
-
 namespace dgsfm {
 
 namespace {
@@ -11,19 +9,12 @@ namespace {
 // Diagonal of a frame of 36 mm x 24 mm.
 constexpr double kFilmDiagonalMm = 43.2666;
 
-FITAG* FindTag(const ImageFile& header,
-               FREE_IMAGE_MDMODEL model,
-               const char* name) {
-  FITAG* tag = nullptr;
-  FreeImage_GetMetadata(model, header.get(), name, &tag);
-  return tag;
-}
-
 // As text; empty if there is no such tag.
 std::string ReadTag(const ImageFile& header,
                     FREE_IMAGE_MDMODEL model,
                     const char* name) {
-  FITAG* tag = FindTag(header, model, name);
+  FITAG* tag = nullptr;
+  FreeImage_GetMetadata(model, header.get(), name, &tag);
   if (tag == nullptr) return "";
   const char* text = FreeImage_TagToString(model, tag, nullptr);
   return text == nullptr ? "" : text;
@@ -41,13 +32,9 @@ ImageExif ReadImageExif(const std::string& path) {
                   ReadTag(header, FIMD_EXIF_EXIF, "LensModel") + "|" +
                   ReadTag(header, FIMD_EXIF_EXIF, "FocalLength");
   }
-  FITAG* tag = FindTag(header, FIMD_EXIF_EXIF, "FocalLengthIn35mmFilm");
-  if (tag != nullptr && FreeImage_GetTagType(tag) == FIDT_SHORT &&
-      FreeImage_GetTagCount(tag) == 1) {
-    exif.focal_length_ratio =
-        *static_cast<const uint16_t*>(FreeImage_GetTagValue(tag)) /
-        kFilmDiagonalMm;
-  }
+  exif.focal_length_ratio =
+      ReadExifNumber(header, FIMD_EXIF_EXIF, "FocalLengthIn35mmFilm") /
+      kFilmDiagonalMm;
   return exif;
 }
 

@@ -7,6 +7,7 @@ namespace dgsfm {
 
 ImageFile ReadImageFile(const std::string& path, int flags) {
   FREE_IMAGE_FORMAT format = FIF_UNKNOWN;
+  // FreeImage would wait for the other end of a pipe.
   if (std::filesystem::is_regular_file(path)) {
     format = FreeImage_GetFileType(path.c_str(), 0);
   }
@@ -20,6 +21,19 @@ ImageFile ReadImageFile(const std::string& path, int flags) {
 
 ImageFile ReadImageHeader(const std::string& path) {
   return ReadImageFile(path, FIF_LOAD_NOPIXELS);
+}
+
+int ReadExifNumber(const ImageFile& header,
+                   FREE_IMAGE_MDMODEL model,
+                   const char* name) {
+  FITAG* tag = nullptr;
+  FreeImage_GetMetadata(model, header.get(), name, &tag);
+  // A tag of another type would be read beyond its end.
+  if (tag == nullptr || FreeImage_GetTagType(tag) != FIDT_SHORT ||
+      FreeImage_GetTagCount(tag) != 1) {
+    return 0;
+  }
+  return *static_cast<const uint16_t*>(FreeImage_GetTagValue(tag));
 }
 
 }  // namespace dgsfm

@@ -18,4 +18,9 @@ ImageFile ReadImageFile(const std::string& path, int flags);
 // The same without the pixels.
 ImageFile ReadImageHeader(const std::string& path);
 
+// A number of the EXIF data; 0 without it.
+int ReadExifNumber(const ImageFile& header,
+                   FREE_IMAGE_MDMODEL model,
+                   const char* name);
+
 }  // namespace dgsfm

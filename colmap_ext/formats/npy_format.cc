@@ -1,10 +1,12 @@
 #include "colmap_ext/formats/depth_file_formats.h"
 
-#include <cctype>
+#include <algorithm>
 #include <cstring>
 #include <map>
+#include <regex>
+#include <sstream>
 #include <stdexcept>
-#include <utility>
+#include <type_traits>
 
 #include <Eigen/Core>
 #include <boost/endian/conversion.hpp>
@@ -12,15 +14,13 @@
 namespace dgsfm::internal {
 namespace {
 
-using boost::endian::endian_load;
-using boost::endian::endian_store;
-using boost::endian::order;
-
 const std::string kMagic = "\x93NUMPY";
 // Magic and two bytes of version, then the length of the header.
 constexpr size_t kVersionEnd = 8;
 // NumPy aligns the data so.
 constexpr size_t kAlignment = 64;
+// Bounds the recursion of regular expressions; plain arrays need some 100.
+constexpr size_t kMaxTextSize = 4096;
 
 struct NpyHeader {
   std::string type;  // kind and size, e.g. "f4"
@@ -30,104 +30,74 @@ struct NpyHeader {
   size_t data_begin = 0;
 };
 
-// Reads the Python dictionary of the header: literals of three kinds, in any
-// order, as NumPy writes them.
-class HeaderParser {
- public:
-  explicit HeaderParser(const std::string& text) : text_(text) {}
-
-  // 'descr': '<f4'
-  void ParseType(NpyHeader* header) {
-    size_t pos = FindValue("descr");
-    const size_t end = text_.find('\'', pos + 1);
-    if (At(pos) != '\'' || end == std::string::npos || end - pos < 3) {
-      throw std::runtime_error("its elements are not plain numbers");
-    }
-    header->is_big_endian = At(pos + 1) == '>';
-    header->type = text_.substr(pos + 2, end - pos - 2);
+// Finds the value of a key in the header's Python dictionary, whose keys NumPy
+// writes in any order. Throws unless the pattern matches it.
+std::smatch FindValue(const std::string& text,
+                      const std::string& key,
+                      const std::string& pattern,
+                      const std::string& problem) {
+  const std::string quoted_key = "'" + key + "':";
+  if (text.find(quoted_key) == std::string::npos) {
+    throw std::runtime_error("NumPy header without " + key);
   }
-
-  // 'fortran_order': False
-  void ParseOrder(NpyHeader* header) {
-    const size_t pos = FindValue("fortran_order");
-    header->is_fortran_order = text_.compare(pos, 4, "True") == 0;
-    if (!header->is_fortran_order && text_.compare(pos, 5, "False") != 0) {
-      throw std::runtime_error("NumPy header with an unreadable fortran_order");
-    }
+  std::smatch match;
+  if (!std::regex_search(
+          text, match, std::regex(quoted_key + " *" + pattern))) {
+    throw std::runtime_error(problem);
   }
+  return match;
+}
 
-  // 'shape': (48, 64)
-  void ParseShape(NpyHeader* header) {
-    size_t pos = FindValue("shape");
-    if (At(pos) != '(') Fail();
-    for (pos = SkipSpace(pos + 1); At(pos) != ')'; pos = SkipSpace(pos)) {
-      uint64_t size = 0;
-      const size_t begin = pos;
-      for (; std::isdigit(static_cast<unsigned char>(At(pos))); ++pos) {
-        if (pos - begin >= 9) Fail();
-        size = 10 * size + (At(pos) - '0');
-      }
-      if (pos == begin) Fail();
-      header->shape.push_back(size);
-      pos = SkipSpace(pos);
-      if (At(pos) == ',') ++pos;
-    }
+// Reads a header such as
+// {'descr': '<f4', 'fortran_order': False, 'shape': (48, 64), }
+NpyHeader ParseText(const std::string& text) {
+  if (text.size() > kMaxTextSize) {
+    throw std::runtime_error("NumPy header of an array of no plain numbers");
   }
-
- private:
-  [[noreturn]] static void Fail() {
-    throw std::runtime_error("NumPy header with an unreadable shape");
+  const std::string unreadable = "NumPy header with an unreadable ";
+  NpyHeader header;
+  const std::smatch type = FindValue(text,
+                                     "descr",
+                                     "'([^'])([^']{1,20})'",
+                                     "its elements are not plain numbers");
+  header.is_big_endian = type[1] == ">";
+  header.type = type[2];
+  header.is_fortran_order =
+      FindValue(text,
+                "fortran_order",
+                "(True|False)",
+                unreadable + "fortran_order")[1] == "True";
+  std::string shape =
+      FindValue(text, "shape", "\\(([0-9, ]*)\\)", unreadable + "shape")[1];
+  if (std::regex_search(shape, std::regex("[0-9]{10}"))) {
+    throw std::runtime_error(unreadable + "shape");
   }
+  std::replace(shape.begin(), shape.end(), ',', ' ');
+  std::istringstream sizes(shape);
+  for (uint64_t size = 0; sizes >> size;) header.shape.push_back(size);
+  return header;
+}
 
-  char At(size_t pos) const { return pos < text_.size() ? text_[pos] : '\0'; }
-
-  size_t SkipSpace(size_t pos) const {
-    while (At(pos) == ' ') ++pos;
-    return pos;
-  }
-
-  size_t FindValue(const std::string& key) const {
-    const std::string quoted_key = "'" + key + "':";
-    const size_t pos = text_.find(quoted_key);
-    if (pos == std::string::npos) {
-      throw std::runtime_error("NumPy header without " + key);
-    }
-    return SkipSpace(pos + quoted_key.size());
-  }
-
-  const std::string& text_;
-};
-
-NpyHeader ParseHeader(const std::vector<uint8_t>& bytes) {
-  if (bytes.size() < kVersionEnd + 4 ||
-      !std::equal(
-          kMagic.begin(), kMagic.end(), bytes.begin(), [](char a, uint8_t b) {
-            return uint8_t(a) == b;
-          })) {
+NpyHeader ParseHeader(const std::string& bytes) {
+  if (bytes.size() < kVersionEnd + 4 || bytes.rfind(kMagic, 0) != 0) {
     throw std::runtime_error("not a NumPy array");
   }
-  const int version = bytes[kMagic.size()];
+  const int version = static_cast<uint8_t>(bytes[kMagic.size()]);
   if (version < 1 || version > 3) {
     throw std::runtime_error("NumPy format version " + std::to_string(version) +
                              " is not supported");
   }
-  const size_t length_size = version == 1 ? 2 : 4;
-  const uint8_t* length = bytes.data() + kVersionEnd;
-  const size_t text_begin = kVersionEnd + length_size;
-  const size_t text_size =
-      version == 1 ? endian_load<uint16_t, 2, order::little>(length)
-                   : endian_load<uint32_t, 4, order::little>(length);
+  const auto* length =
+      reinterpret_cast<const uint8_t*>(bytes.data()) + kVersionEnd;
+  const size_t text_begin = kVersionEnd + (version == 1 ? 2 : 4);
+  const size_t text_size = version == 1
+                               ? boost::endian::load_little_u16(length)
+                               : boost::endian::load_little_u32(length);
   if (text_size > bytes.size() - text_begin) {
     throw std::runtime_error("NumPy header is truncated");
   }
-  const std::string text(bytes.begin() + text_begin,
-                         bytes.begin() + text_begin + text_size);
-  NpyHeader header;
+  NpyHeader header = ParseText(bytes.substr(text_begin, text_size));
   header.data_begin = text_begin + text_size;
-  HeaderParser parser(text);
-  parser.ParseType(&header);
-  parser.ParseOrder(&header);
-  parser.ParseShape(&header);
   return header;
 }
 
@@ -144,39 +114,33 @@ float HalfToFloat(uint16_t half) {
   return Eigen::numext::bit_cast<float>(bits | uint32_t(half & 0x8000) << 16);
 }
 
-template <typename T, order kOrder>
-float LoadNumber(const uint8_t* data) {
-  if constexpr (std::is_same_v<T, Eigen::half>) {
-    return HalfToFloat(endian_load<uint16_t, 2, kOrder>(data));
-  } else {
-    return static_cast<float>(endian_load<T, sizeof(T), kOrder>(data));
-  }
-}
-
-template <typename T, order kOrder>
-void LoadNumbers(const uint8_t* data, std::vector<float>* values) {
-  if constexpr (std::is_same_v<T, float> && kOrder == order::native) {
-    if (!values->empty()) {
-      std::memcpy(values->data(), data, sizeof(float) * values->size());
-    }
+// Converts little-endian numbers.
+template <typename T>
+void LoadNumbers(const char* data, std::vector<float>* values) {
+  if constexpr (std::is_same_v<T, float>) {
+    std::copy_n(data,
+                sizeof(float) * values->size(),
+                reinterpret_cast<char*>(values->data()));
     return;
   }
   for (float& value : *values) {
-    value = LoadNumber<T, kOrder>(data);
+    if constexpr (std::is_same_v<T, Eigen::half>) {
+      value = HalfToFloat(LoadNumber<uint16_t>(data));
+    } else {
+      value = static_cast<float>(LoadNumber<T>(data));
+    }
     data += sizeof(T);
   }
 }
 
-using Loader = void (*)(const uint8_t*, std::vector<float>*);
 struct ElementType {
-  size_t size;
-  Loader load_little_endian;
-  Loader load_big_endian;
+  size_t size = 0;
+  void (*load)(const char*, std::vector<float>*) = nullptr;
 };
 
 template <typename T>
 constexpr ElementType CreateElementType() {
-  return {sizeof(T), LoadNumbers<T, order::little>, LoadNumbers<T, order::big>};
+  return {sizeof(T), LoadNumbers<T>};
 }
 
 const ElementType& FindElementType(const std::string& name) {
@@ -201,6 +165,7 @@ const ElementType& FindElementType(const std::string& name) {
   return type->second;
 }
 
+// NumPy's order is height, width.
 std::string FormatShape(const std::vector<uint64_t>& shape) {
   std::string text;
   // Error messages give sizes as width x height.
@@ -229,23 +194,36 @@ std::vector<float> ReorderFortran(const std::vector<float>& values,
   return reordered;
 }
 
-std::string FormatHeader(const std::string& type, const DepthGrid& grid) {
+// An array of the type, whose numbers follow the header.
+template <typename Number, typename Convert>
+std::string FormatNpy(const std::string& type,
+                      const DepthGrid& grid,
+                      const Convert& convert) {
   std::string text =
       "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" +
       std::to_string(grid.height) + ", " + std::to_string(grid.width) + "), }";
   const size_t unpadded_size = kVersionEnd + 2 + text.size() + 1;
   text.append((kAlignment - unpadded_size % kAlignment) % kAlignment, ' ');
+  // The padding comes before the line break, which ends the header.
   text.push_back('\n');
 
-  std::string header = kMagic + std::string("\x01\x00", 2);
-  header.push_back(static_cast<char>(text.size() & 0xff));
-  header.push_back(static_cast<char>(text.size() >> 8));
-  return header + text;
+  std::string bytes = kMagic + std::string("\x01\x00", 2);
+  bytes.push_back(static_cast<char>(text.size() & 0xff));
+  bytes.push_back(static_cast<char>(text.size() >> 8));
+  bytes += text;
+  size_t pos = bytes.size();
+  bytes.resize(pos + sizeof(Number) * grid.values.size());
+  for (const float value : grid.values) {
+    const Number number = convert(value);
+    std::memcpy(&bytes[pos], &number, sizeof(number));
+    pos += sizeof(number);
+  }
+  return bytes;
 }
 
 }  // namespace
 
-NumberArray ParseNpy(const std::vector<uint8_t>& bytes) {
+NumberArray ParseNpy(std::string bytes) {
   const NpyHeader header = ParseHeader(bytes);
   const ElementType& type = FindElementType(header.type);
   const uint64_t num_values = CountValues(header.shape);
@@ -256,45 +234,33 @@ NumberArray ParseNpy(const std::vector<uint8_t>& bytes) {
                              std::to_string(num_values * type.size) + " of " +
                              FormatShape(header.shape) + " values");
   }
+  // Rare, so that a pass of its own does not matter.
+  if (header.is_big_endian) {
+    for (size_t i = header.data_begin; i < bytes.size(); i += type.size) {
+      std::reverse(&bytes[i], &bytes[i] + type.size);
+    }
+  }
   NumberArray array = {header.shape, std::vector<float>(num_values)};
-  const Loader load =
-      header.is_big_endian ? type.load_big_endian : type.load_little_endian;
-  load(bytes.data() + header.data_begin, &array.values);
+  type.load(bytes.data() + header.data_begin, &array.values);
   if (header.is_fortran_order) {
     array.values = ReorderFortran(array.values, array.shape);
   }
   return array;
 }
 
-std::vector<float> HalfsToFloats(const std::vector<uint8_t>& bytes) {
-  std::vector<float> values(bytes.size() / 2);
-  LoadNumbers<Eigen::half, order::little>(bytes.data(), &values);
+std::vector<float> HalfsToFloats(const std::vector<uint16_t>& halfs) {
+  std::vector<float> values(halfs.size());
+  std::transform(halfs.begin(), halfs.end(), values.begin(), HalfToFloat);
   return values;
 }
 
-std::vector<uint8_t> FormatNpyHalf(const DepthGrid& grid) {
-  const std::string header = FormatHeader("<f2", grid);
-  std::vector<uint8_t> bytes(header.begin(), header.end());
-  bytes.resize(header.size() + 2 * grid.values.size());
-  uint8_t* data = bytes.data() + header.size();
-  for (const float value : grid.values) {
-    endian_store<uint16_t, 2, order::little>(
-        data, Eigen::numext::bit_cast<uint16_t>(Eigen::half(value)));
-    data += 2;
-  }
-  return bytes;
+std::string FormatNpyHalf(const DepthGrid& grid) {
+  return FormatNpy<Eigen::half>(
+      "<f2", grid, [](float value) { return Eigen::half(value); });
 }
 
-std::vector<uint8_t> FormatNpyFloat(const DepthGrid& grid) {
-  const std::string header = FormatHeader("<f4", grid);
-  std::vector<uint8_t> bytes(header.begin(), header.end());
-  bytes.resize(header.size() + 4 * grid.values.size());
-  uint8_t* data = bytes.data() + header.size();
-  for (const float value : grid.values) {
-    endian_store<float, 4, order::little>(data, value);
-    data += 4;
-  }
-  return bytes;
+std::string FormatNpyFloat(const DepthGrid& grid) {
+  return FormatNpy<float>("<f4", grid, [](float value) { return value; });
 }
 
 }  // namespace dgsfm::internal

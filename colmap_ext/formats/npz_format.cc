@@ -68,6 +68,7 @@ std::vector<std::string> NpzFile::Names() const {
   const zip_int64_t num_entries = zip_get_num_entries(impl_->archive.get(), 0);
   for (zip_int64_t i = 0; i < num_entries; ++i) {
     const char* name = zip_get_name(impl_->archive.get(), i, 0);
+    // A damaged entry; the others may be whole.
     if (name == nullptr) continue;
     const std::string text = name;
     if (text.size() <= kExtension.size() ||
@@ -84,6 +85,7 @@ std::optional<NumberArray> NpzFile::Read(const std::string& name) const {
   const std::string array = "the array " + name;
   zip_stat_t stat;
   zip_stat_init(&stat);
+  // Callers ask for optional arrays by name, so a missing one is not an error.
   if (zip_stat(archive, (name + kExtension).c_str(), 0, &stat) != 0) {
     return std::nullopt;
   }
@@ -93,7 +95,7 @@ std::optional<NumberArray> NpzFile::Read(const std::string& name) const {
   if (file == nullptr) {
     throw std::runtime_error(array + ": " + zip_strerror(archive));
   }
-  std::vector<uint8_t> bytes(stat.size);
+  std::string bytes(stat.size, '\0');
   const zip_int64_t num_read =
       zip_fread(file.get(), bytes.data(), bytes.size());
   // Reading on past the end makes libzip compare the checksum.
@@ -104,7 +106,7 @@ std::optional<NumberArray> NpzFile::Read(const std::string& name) const {
                              " is damaged: " + zip_file_strerror(file.get()));
   }
   try {
-    return ParseNpy(bytes);
+    return ParseNpy(std::move(bytes));
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(array + ": " + error.what());
   }

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cstring>
-#include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include <boost/endian/conversion.hpp>
 #include <png.h>
@@ -16,51 +16,45 @@
 namespace dgsfm::internal {
 namespace {
 
+// An image that libpng reads from the bytes of a file, or writes to them.
 struct Session {
+  enum class Mode { READ, WRITE };
+
+  explicit Session(Mode session_mode, std::string file_bytes = "")
+      : mode(session_mode), bytes(std::move(file_bytes)) {
+    const auto create =
+        mode == Mode::READ ? &png_create_read_struct : &png_create_write_struct;
+    png = create(PNG_LIBPNG_VER_STRING, this, OnError, OnWarning);
+    if (png != nullptr) info = png_create_info_struct(png);
+    if (info == nullptr) throw std::bad_alloc();
+  }
+  ~Session() {
+    if (mode == Mode::READ) {
+      png_destroy_read_struct(&png, &info, nullptr);
+    } else {
+      png_destroy_write_struct(&png, &info);
+    }
+  }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  static void OnError(png_structp png, png_const_charp message) {
+    static_cast<Session*>(png_get_error_ptr(png))->error = message;
+    png_longjmp(png, 1);
+  }
+  static void OnWarning(png_structp, png_const_charp) {}
+  [[noreturn]] void Fail() const { throw std::runtime_error("PNG: " + error); }
+
+  const Mode mode;
+  std::string bytes;
+  size_t num_read = 0;
+  std::string error;
   png_structp png = nullptr;
   png_infop info = nullptr;
-  std::string error;
-};
-
-void OnError(png_structp png, png_const_charp message) {
-  static_cast<Session*>(png_get_error_ptr(png))->error = message;
-  png_longjmp(png, 1);
-}
-
-void OnWarning(png_structp, png_const_charp) {}
-
-struct ReadSession : Session {
-  explicit ReadSession(const std::vector<uint8_t>& file_bytes)
-      : bytes(file_bytes) {
-    png = png_create_read_struct(
-        PNG_LIBPNG_VER_STRING, static_cast<Session*>(this), OnError, OnWarning);
-    if (png != nullptr) info = png_create_info_struct(png);
-    if (info == nullptr) throw std::bad_alloc();
-  }
-  ~ReadSession() { png_destroy_read_struct(&png, &info, nullptr); }
-  ReadSession(const ReadSession&) = delete;
-  ReadSession& operator=(const ReadSession&) = delete;
-
-  const std::vector<uint8_t>& bytes;
-  size_t num_read = 0;
-};
-
-struct WriteSession : Session {
-  WriteSession() {
-    png = png_create_write_struct(
-        PNG_LIBPNG_VER_STRING, static_cast<Session*>(this), OnError, OnWarning);
-    if (png != nullptr) info = png_create_info_struct(png);
-    if (info == nullptr) throw std::bad_alloc();
-  }
-  ~WriteSession() { png_destroy_write_struct(&png, &info); }
-  WriteSession(const WriteSession&) = delete;
-  WriteSession& operator=(const WriteSession&) = delete;
-
-  std::string bytes;
 };
 
 void ReadBytes(png_structp png, png_bytep data, size_t size) {
-  auto* session = static_cast<ReadSession*>(png_get_io_ptr(png));
+  auto* session = static_cast<Session*>(png_get_io_ptr(png));
   if (size > session->bytes.size() - session->num_read) {
     png_error(png, "the file is truncated");
   }
@@ -68,9 +62,10 @@ void ReadBytes(png_structp png, png_bytep data, size_t size) {
   session->num_read += size;
 }
 
-bool ReadHeader(ReadSession* session) {
+bool ReadHeader(Session* session) {
   if (setjmp(png_jmpbuf(session->png))) return false;
   png_set_read_fn(session->png, session, ReadBytes);
+  // Larger images are refused before libpng allocates their rows.
   png_set_user_limits(session->png, kMaxDepthMapSize, kMaxDepthMapSize);
   png_read_info(session->png, session->info);
   png_set_interlace_handling(session->png);
@@ -78,7 +73,7 @@ bool ReadHeader(ReadSession* session) {
 }
 
 // Palettes, 1 to 4 bits and transparency become 8 or 16 bits of grey or colour.
-bool ExpandPicture(ReadSession* session) {
+bool ExpandPicture(Session* session) {
   if (setjmp(png_jmpbuf(session->png))) return false;
   png_set_expand(session->png);
   png_set_strip_alpha(session->png);
@@ -86,15 +81,16 @@ bool ExpandPicture(ReadSession* session) {
   return true;
 }
 
-bool ReadRows(ReadSession* session, png_bytepp rows) {
+bool ReadRows(Session* session, png_bytepp rows) {
   if (setjmp(png_jmpbuf(session->png))) return false;
   png_read_image(session->png, rows);
   png_read_end(session->png, nullptr);
   return true;
 }
 
+// An exception must not pass through the C functions of libpng.
 void WriteBytes(png_structp png, png_bytep data, size_t size) {
-  auto* session = static_cast<WriteSession*>(png_get_io_ptr(png));
+  auto* session = static_cast<Session*>(png_get_io_ptr(png));
   try {
     session->bytes.append(reinterpret_cast<const char*>(data), size);
   } catch (const std::bad_alloc&) {
@@ -103,7 +99,7 @@ void WriteBytes(png_structp png, png_bytep data, size_t size) {
   if (session->bytes.empty()) png_error(png, "out of memory");
 }
 
-bool WriteImage(WriteSession* session, int width, int height, png_bytepp rows) {
+bool WriteImage(Session* session, int width, int height, png_bytepp rows) {
   if (setjmp(png_jmpbuf(session->png))) return false;
   png_set_write_fn(session->png, session, WriteBytes, nullptr);
   png_set_IHDR(session->png,
@@ -131,9 +127,9 @@ std::vector<png_bytep> FindRows(std::vector<uint8_t>* pixels, int height) {
 
 }  // namespace
 
-DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth) {
-  ReadSession session(bytes);
-  if (!ReadHeader(&session)) throw std::runtime_error("PNG: " + session.error);
+DepthGrid ParsePng(std::string bytes, int bit_depth) {
+  Session session(Session::Mode::READ, std::move(bytes));
+  if (!ReadHeader(&session)) session.Fail();
   const int file_bit_depth = png_get_bit_depth(session.png, session.info);
   const int color_type = png_get_color_type(session.png, session.info);
   if (file_bit_depth != bit_depth || color_type != PNG_COLOR_TYPE_GRAY) {
@@ -153,11 +149,12 @@ DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth) {
   CheckGridSize(grid.width, grid.height);
   const size_t value_size = bit_depth / 8;
   const size_t num_bytes = value_size * grid.width * grid.height;
-  CheckExpansion(num_bytes, bytes.size());
+  // Checks what a few bytes announce before memory is allocated for it.
+  CheckExpansion(num_bytes, session.bytes.size());
   std::vector<uint8_t> pixels(num_bytes);
   std::vector<png_bytep> rows = FindRows(&pixels, grid.height);
   if (!ReadRows(&session, rows.data())) {
-    throw std::runtime_error("PNG: " + session.error);
+    session.Fail();
   }
   grid.values.reserve(num_bytes / value_size);
   for (size_t i = 0; i < num_bytes; i += value_size) {
@@ -167,11 +164,9 @@ DepthGrid ParsePng(const std::vector<uint8_t>& bytes, int bit_depth) {
   return grid;
 }
 
-GrayPicture ParseGrayPicture(const std::vector<uint8_t>& bytes) {
-  ReadSession session(bytes);
-  if (!ReadHeader(&session) || !ExpandPicture(&session)) {
-    throw std::runtime_error("PNG: " + session.error);
-  }
+GrayPicture ParseGrayPicture(std::string bytes) {
+  Session session(Session::Mode::READ, std::move(bytes));
+  if (!ReadHeader(&session) || !ExpandPicture(&session)) session.Fail();
   GrayPicture picture;
   DepthGrid& grid = picture.grid;
   grid.width = png_get_image_width(session.png, session.info);
@@ -183,12 +178,10 @@ GrayPicture ParseGrayPicture(const std::vector<uint8_t>& bytes) {
   const size_t num_values = size_t(grid.width) * grid.height;
   const size_t num_bytes = value_size * num_channels * num_values;
   // Of one bit a pixel at least.
-  CheckExpansion(num_values / 8, bytes.size());
+  CheckExpansion(num_values / 8, session.bytes.size());
   std::vector<uint8_t> pixels(num_bytes);
   std::vector<png_bytep> rows = FindRows(&pixels, grid.height);
-  if (!ReadRows(&session, rows.data())) {
-    throw std::runtime_error("PNG: " + session.error);
-  }
+  if (!ReadRows(&session, rows.data())) session.Fail();
   grid.values.reserve(num_values);
   const auto value_at = [&](size_t i) -> int {
     const uint8_t* value = &pixels[i * value_size];
@@ -216,9 +209,9 @@ std::string FormatPng16(int width,
     boost::endian::store_big_u16(&pixels[2 * i], values[i]);
   }
   std::vector<png_bytep> rows = FindRows(&pixels, height);
-  WriteSession session;
+  Session session(Session::Mode::WRITE);
   if (!WriteImage(&session, width, height, rows.data())) {
-    throw std::runtime_error("PNG: " + session.error);
+    session.Fail();
   }
   return std::move(session.bytes);
 }

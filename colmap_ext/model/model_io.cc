@@ -11,6 +11,7 @@
 #include <optional>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 namespace dgsfm {
 namespace {
@@ -18,9 +19,16 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kMaxNumber = 1e30;
-constexpr size_t kMaxImageSize = 1000000;  // [px]
+constexpr uint64_t kMaxImageSize = 1000000;  // [px]
+// Least sizes of records in binary files: camera id, model, width and height;
+constexpr size_t kMinCameraSize = 4 + 4 + 8 + 8;
+// image id, pose, camera id, terminating zero of the name, number of points;
+constexpr size_t kMinImageSize = 4 + 7 * 8 + 4 + 1 + 8;
+// point id, position, colour, error, length of the track.
+constexpr size_t kMinPointSize = 8 + 3 * 8 + 3 + 8 + 8;
 
-// Reads numbers of a binary file, never beyond its end.
+// A binary file, never read beyond its end. It has the same methods as
+// TextFile, so that one function reads either form.
 class BinaryFile {
  public:
   explicit BinaryFile(const fs::path& path)
@@ -30,30 +38,46 @@ class BinaryFile {
     size_ = num_left_;
   }
 
+  // Goes to the next camera, image or point, which has at least record_size
+  // bytes; false behind the last one.
+  bool NextRecord(size_t record_size) {
+    if (!num_records_) num_records_ = ReadCount(record_size);
+    return (*num_records_)-- > 0;
+  }
+
   template <typename T>
-  T Read() {
+  void Read(T* value) {
     Take(sizeof(T));
-    const T value = colmap::ReadBinaryLittleEndian<T>(&stream_);
+    *value = colmap::ReadBinaryLittleEndian<T>(&stream_);
     if (!stream_) Fail("cannot be read");
-    return value;
   }
 
-  // Number of following records that have at least `record_size` bytes each.
-  uint64_t ReadCount(size_t record_size) {
-    const uint64_t count = Read<uint64_t>();
-    if (count > num_left_ / record_size) Fail("is truncated");
-    return count;
+  std::string ReadName() {
+    std::string name;
+    for (char c = 0; Read(&c), c != 0;) name += c;
+    return name;
   }
 
-  std::string ReadString() {
-    std::string text;
-    while (const char c = Read<char>()) text += c;
-    return text;
+  void ReadColor(uint8_t* value) { Read(value); }
+  int ReadCameraModel() {
+    int model_id = 0;
+    Read(&model_id);
+    return model_id;
   }
 
-  void Skip(uint64_t num_bytes) {
-    Take(num_bytes);
-    stream_.seekg(num_bytes, std::ios::cur);
+  // Begins the list of what an image observes.
+  void BeginObservations() { num_observations_ = ReadCount(3 * 8); }
+  bool NextObservation() { return num_observations_-- > 0; }
+
+  // Leaves out the reprojection error and the track, whose length it returns.
+  uint64_t SkipErrorAndTrack() {
+    constexpr size_t kTrackElementSize = 2 * 4;
+    double error = 0;
+    Read(&error);
+    const uint64_t length = ReadCount(kTrackElementSize);
+    Take(kTrackElementSize * length);
+    stream_.seekg(kTrackElementSize * length, std::ios::cur);
+    return length;
   }
 
   [[noreturn]] void Fail(const std::string& problem) const {
@@ -63,6 +87,14 @@ class BinaryFile {
   }
 
  private:
+  // Number of following records; damaged ones do not fit into the file.
+  uint64_t ReadCount(size_t record_size) {
+    uint64_t count = 0;
+    Read(&count);
+    if (count > num_left_ / record_size) Fail("is truncated");
+    return count;
+  }
+
   void Take(uint64_t num_bytes) {
     if (num_bytes > num_left_) Fail("is truncated");
     num_left_ -= num_bytes;
@@ -72,15 +104,76 @@ class BinaryFile {
   std::ifstream stream_;
   uint64_t size_ = 0;
   uint64_t num_left_ = 0;
+  std::optional<uint64_t> num_records_;
+  uint64_t num_observations_ = 0;
 };
 
-// Reads a text file line by line and the numbers of a line.
+// A text file, whose records are lines; images have a second line, which may be
+// empty.
 class TextFile {
  public:
   explicit TextFile(const fs::path& path) : path_(path), stream_(path) {
     if (!stream_) throw std::runtime_error("cannot read " + path.string());
   }
 
+  // The next line that is neither empty nor a comment.
+  bool NextRecord(size_t) {
+    while (NextLine()) {
+      line_ >> std::ws;
+      if (!line_.eof() && line_.peek() != '#') return true;
+    }
+    return false;
+  }
+
+  template <typename T>
+  void Read(T* value) {
+    if (!(line_ >> *value)) Fail("is malformed");
+  }
+
+  // The rest of the line: names may have spaces in them.
+  std::string ReadName() {
+    std::string name;
+    std::getline(line_ >> std::ws, name);
+    return name;
+  }
+
+  void ReadColor(uint8_t* value) {
+    int number = 0;
+    Read(&number);
+    *value = std::clamp(number, 0, 255);
+  }
+  int ReadCameraModel() {
+    std::string name;
+    Read(&name);
+    const bool is_known = colmap::ExistsCameraModelWithName(name);
+    return is_known ? colmap::CameraModelNameToId(name) : -1;
+  }
+
+  void BeginObservations() { NextLine(); }
+  bool NextObservation() {
+    line_ >> std::ws;
+    return !line_.eof();
+  }
+
+  uint64_t SkipErrorAndTrack() {
+    std::string error;
+    Read(&error);
+    uint64_t length = 0;
+    for (; NextObservation(); ++length) {
+      colmap::image_t image_id = 0;
+      colmap::point2D_t point2D_idx = 0;
+      Read(&image_id);
+      Read(&point2D_idx);
+    }
+    return length;
+  }
+
+  [[noreturn]] void Fail(const std::string& problem) const {
+    throw std::runtime_error(path_.string() + " " + problem + " (line " +
+                             std::to_string(line_number_) + ")");
+  }
+
+ private:
   // The next line, empty or not.
   bool NextLine() {
     ++line_number_;
@@ -95,39 +188,6 @@ class TextFile {
     return true;
   }
 
-  // The next line that is neither empty nor a comment.
-  bool NextRecord() {
-    while (NextLine()) {
-      line_ >> std::ws;
-      if (!line_.eof() && line_.peek() != '#') return true;
-    }
-    return false;
-  }
-
-  template <typename T>
-  T Read() {
-    T value;
-    if (!(line_ >> value)) Fail("is malformed");
-    return value;
-  }
-
-  bool HasMore() {
-    line_ >> std::ws;
-    return !line_.eof();
-  }
-
-  std::string ReadRestOfLine() {
-    std::string text;
-    std::getline(line_ >> std::ws, text);
-    return text;
-  }
-
-  [[noreturn]] void Fail(const std::string& problem) const {
-    throw std::runtime_error(path_.string() + " " + problem + " (line " +
-                             std::to_string(line_number_) + ")");
-  }
-
- private:
   fs::path path_;
   std::ifstream stream_;
   std::istringstream line_;
@@ -144,12 +204,11 @@ std::optional<fs::path> FindFile(const fs::path& folder,
   return std::nullopt;
 }
 
-// Calls read_binary with a BinaryFile or read_text with a TextFile.
-template <typename ReadBinary, typename ReadText>
+// Calls read(file) with a BinaryFile or a TextFile.
+template <typename Read>
 void ReadFile(const std::string& folder,
               const std::string& stem,
-              const ReadBinary& read_binary,
-              const ReadText& read_text) {
+              const Read& read) {
   const std::optional<fs::path> path = FindFile(folder, stem);
   if (!path) {
     throw std::runtime_error(folder + " has neither " + stem + ".bin nor " +
@@ -157,88 +216,65 @@ void ReadFile(const std::string& folder,
   }
   if (path->extension() == ".bin") {
     BinaryFile file(*path);
-    read_binary(file);
+    read(file);
   } else {
     TextFile file(*path);
-    read_text(file);
+    read(file);
   }
 }
 
-// Finite, also where numbers are squared or become depths of 32 bits.
-template <typename Vector>
-bool IsSound(const Vector& vector) {
-  return (vector.array().abs() <= kMaxNumber).all();
+// Refuses what overflows where numbers are squared or become depths of 32 bits.
+template <typename File, typename Vector>
+void ReadVector(File& file, const std::string& problem, Vector* vector) {
+  for (double& value : *vector) {
+    file.Read(&value);
+    if (!(std::abs(value) <= kMaxNumber)) file.Fail(problem);
+  }
 }
 
-// Both forms have the same numbers in the same order.
 template <typename File>
 Rigid3d ReadPose(File& file) {
   Eigen::Vector4d qvec;
   Eigen::Vector3d translation;
-  for (double& value : qvec) value = file.template Read<double>();
-  for (double& value : translation) value = file.template Read<double>();
-  if (!IsSound(qvec) || !IsSound(translation) || !(qvec.norm() > 1e-6)) {
-    file.Fail("has an invalid pose");
-  }
+  ReadVector(file, "has an invalid pose", &qvec);
+  ReadVector(file, "has an invalid pose", &translation);
+  if (!(qvec.norm() > 1e-6)) file.Fail("has an invalid pose");
   return Rigid3d(RotationFromQvec(qvec), translation);
-}
-
-template <typename File>
-Eigen::Vector3d ReadXyz(File& file) {
-  Eigen::Vector3d xyz;
-  for (double& value : xyz) value = file.template Read<double>();
-  if (!IsSound(xyz)) file.Fail("has an invalid point");
-  return xyz;
 }
 
 template <typename File>
 ModelObservation ReadObservation(File& file) {
   ModelObservation observation;
-  for (double& value : observation.xy) value = file.template Read<double>();
+  ReadVector(file, "has an invalid key point", &observation.xy);
   // Without a point -1, which is kInvalidPoint3DId as an unsigned number.
-  observation.point3D_id = file.template Read<int64_t>();
-  if (!IsSound(observation.xy)) file.Fail("has an invalid key point");
+  int64_t point3D_id = 0;
+  file.Read(&point3D_id);
+  observation.point3D_id = static_cast<colmap::point3D_t>(point3D_id);
   return observation;
 }
 
-void AddObservation(const ModelObservation& observation, ModelImage* image) {
-  if (observation.point3D_id == colmap::kInvalidPoint3DId) return;
-  image->observations.push_back(observation);
-}
-
 template <typename File>
-ModelImage* AddImage(File& file,
-                     const std::string& name,
-                     const ModelImage& image,
-                     std::map<std::string, ModelImage>* images) {
-  if (name.empty()) file.Fail("has an image without name");
-  const auto [added, is_new] = images->emplace(name, image);
-  if (!is_new) file.Fail("has image " + name + " twice");
-  return &added->second;
-}
-
-template <typename File>
-colmap::Camera ReadCamera(File& file, colmap::camera_t id, int model_id) {
+colmap::Camera ReadCamera(File& file) {
+  colmap::camera_t camera_id = 0;
+  file.Read(&camera_id);
+  const int model_id = file.ReadCameraModel();
   if (!colmap::ExistsCameraModelWithId(model_id)) {
     file.Fail("has a camera model that COLMAP 3.8 lacks");
   }
+  uint64_t width = 0;
+  uint64_t height = 0;
+  file.Read(&width);
+  file.Read(&height);
+  if (std::min(width, height) == 0 || std::max(width, height) > kMaxImageSize) {
+    file.Fail("has a camera with images of " + std::to_string(width) + " x " +
+              std::to_string(height));
+  }
   colmap::Camera camera;
-  camera.SetCameraId(id);
+  camera.SetCameraId(camera_id);
   camera.SetModelId(model_id);
-  camera.SetWidth(file.template Read<uint64_t>());
-  camera.SetHeight(file.template Read<uint64_t>());
-  const auto [min_size, max_size] =
-      std::minmax({camera.Width(), camera.Height()});
-  if (min_size == 0 || max_size > kMaxImageSize) {
-    file.Fail("has a camera with images of " + std::to_string(camera.Width()) +
-              " x " + std::to_string(camera.Height()));
-  }
-  for (double& param : camera.Params()) {
-    param = file.template Read<double>();
-    if (!(std::abs(param) <= kMaxNumber)) {
-      file.Fail("has an invalid camera parameter");
-    }
-  }
+  camera.SetWidth(width);
+  camera.SetHeight(height);
+  ReadVector(file, "has an invalid camera parameter", &camera.Params());
   return camera;
 }
 
@@ -280,95 +316,52 @@ std::string FindLargestModel(const std::string& path) {
 
 std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
   std::map<std::string, ModelImage> images;
-  const auto read_binary = [&images](BinaryFile& file) {
-    // Id, pose, camera id, terminating zero of the name, number of points.
-    constexpr size_t kMinImageSize = 4 + 7 * 8 + 4 + 1 + 8;
-    constexpr size_t kPointSize = 3 * 8;
-    const uint64_t num_images = file.ReadCount(kMinImageSize);
-    for (uint64_t i = 0; i < num_images; ++i) {
-      file.Read<colmap::image_t>();
+  ReadFile(folder, "images", [&images](auto& file) {
+    while (file.NextRecord(kMinImageSize)) {
+      colmap::image_t image_id = 0;
       ModelImage image;
+      file.Read(&image_id);
       image.cam_from_world = ReadPose(file);
-      image.camera_id = file.Read<colmap::camera_t>();
-      ModelImage* added = AddImage(file, file.ReadString(), image, &images);
-      for (uint64_t left = file.ReadCount(kPointSize); left > 0; --left) {
-        AddObservation(ReadObservation(file), added);
+      file.Read(&image.camera_id);
+      const std::string name = file.ReadName();
+      if (name.empty()) file.Fail("has an image without name");
+      if (images.count(name) > 0) file.Fail("has image " + name + " twice");
+      file.BeginObservations();
+      while (file.NextObservation()) {
+        const ModelObservation observation = ReadObservation(file);
+        if (observation.point3D_id == colmap::kInvalidPoint3DId) continue;
+        image.observations.push_back(observation);
       }
+      images.emplace(name, std::move(image));
     }
-  };
-  const auto read_text = [&images](TextFile& file) {
-    while (file.NextRecord()) {
-      file.Read<colmap::image_t>();
-      ModelImage image;
-      image.cam_from_world = ReadPose(file);
-      image.camera_id = file.Read<colmap::camera_t>();
-      ModelImage* added = AddImage(file, file.ReadRestOfLine(), image, &images);
-      file.NextLine();
-      while (file.HasMore()) AddObservation(ReadObservation(file), added);
-    }
-  };
-  ReadFile(folder, "images", read_binary, read_text);
+  });
   return images;
 }
 
 std::map<colmap::camera_t, colmap::Camera> ReadModelCameras(
     const std::string& folder) {
   std::map<colmap::camera_t, colmap::Camera> cameras;
-  const auto read_binary = [&cameras](BinaryFile& file) {
-    const uint64_t num_cameras = file.ReadCount(4 + 4 + 8 + 8);
-    for (uint64_t i = 0; i < num_cameras; ++i) {
-      const auto id = file.Read<colmap::camera_t>();
-      cameras[id] = ReadCamera(file, id, file.Read<int>());
+  ReadFile(folder, "cameras", [&cameras](auto& file) {
+    while (file.NextRecord(kMinCameraSize)) {
+      const colmap::Camera camera = ReadCamera(file);
+      cameras[camera.CameraId()] = camera;
     }
-  };
-  const auto read_text = [&cameras](TextFile& file) {
-    while (file.NextRecord()) {
-      const auto id = file.Read<colmap::camera_t>();
-      const auto model = file.Read<std::string>();
-      const bool is_known = colmap::ExistsCameraModelWithName(model);
-      cameras[id] = ReadCamera(
-          file, id, is_known ? colmap::CameraModelNameToId(model) : -1);
-    }
-  };
-  ReadFile(folder, "cameras", read_binary, read_text);
+  });
   return cameras;
 }
 
 std::vector<ModelPoint> ReadModelPoints(const std::string& folder) {
   std::vector<ModelPoint> points;
-  const auto read_binary = [&points](BinaryFile& file) {
-    // Id, position, colour, error, length of the track.
-    const uint64_t num_points = file.ReadCount(8 + 3 * 8 + 3 + 8 + 8);
-    constexpr size_t kTrackElementSize = 2 * 4;
-    points.reserve(num_points);
-    for (uint64_t i = 0; i < num_points; ++i) {
+  ReadFile(folder, "points3D", [&points](auto& file) {
+    while (file.NextRecord(kMinPointSize)) {
       ModelPoint point;
-      point.point3D_id = file.Read<colmap::point3D_t>();
-      point.xyz = ReadXyz(file);
-      for (uint8_t& value : point.color) value = file.Read<uint8_t>();
-      file.Read<double>();  // reprojection error
-      point.track_length = file.ReadCount(kTrackElementSize);
-      file.Skip(kTrackElementSize * point.track_length);
+      file.Read(&point.point3D_id);
+      ReadVector(file, "has an invalid point", &point.xyz);
+      for (uint8_t& value : point.color) file.ReadColor(&value);
+      point.track_length = file.SkipErrorAndTrack();
       points.push_back(point);
     }
-  };
-  const auto read_text = [&points](TextFile& file) {
-    while (file.NextRecord()) {
-      ModelPoint point;
-      point.point3D_id = file.Read<colmap::point3D_t>();
-      point.xyz = ReadXyz(file);
-      for (uint8_t& value : point.color) {
-        value = std::clamp(file.Read<int>(), 0, 255);
-      }
-      file.Read<std::string>();  // reprojection error
-      for (; file.HasMore(); ++point.track_length) {
-        file.Read<colmap::image_t>();
-        file.Read<colmap::point2D_t>();
-      }
-      points.push_back(point);
-    }
-  };
-  ReadFile(folder, "points3D", read_binary, read_text);
+  });
   return points;
 }
 

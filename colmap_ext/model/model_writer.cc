@@ -25,6 +25,7 @@ class ModelFile {
   template <typename Numbers>
   void WriteAll(const Numbers& numbers, const std::string& owner) {
     for (Eigen::Index i = 0; i < Eigen::Index(numbers.size()); ++i) {
+      // A model with NaN in it loads everywhere and fails much later.
       if (!std::isfinite(numbers[i])) {
         throw std::runtime_error(path_ + ": " + owner +
                                  " has a number that is not finite");
@@ -44,6 +45,7 @@ class ModelFile {
   OutputFile file_;
 };
 
+// Hash maps list their content in an order that differs between libraries.
 template <typename Map>
 auto SortedIds(const Map& map) {
   std::vector<typename Map::key_type> ids;
@@ -100,6 +102,7 @@ void WritePoints(const colmap::Reconstruction& model,
     file.Write<uint64_t>(id);
     file.WriteAll(point.XYZ(), "point " + std::to_string(id));
     for (int i = 0; i < 3; ++i) file.Write<uint8_t>(point.Color()[i]);
+    // -1 is COLMAP's mark of an unknown error.
     file.Write<double>(std::isfinite(point.Error()) ? point.Error() : -1);
     file.Write<uint64_t>(point.Track().Length());
     for (const colmap::TrackElement& element : point.Track().Elements()) {

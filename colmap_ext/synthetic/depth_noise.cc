@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/synthetic/random_stream.h"
+#include "colmap_ext/synthetic/synthetic_camera.h"
 
 #include <algorithm>
 #include <array>
@@ -276,6 +277,28 @@ std::vector<float> SynthesizePriorDepths(const DepthNoiseOptions& options,
         static_cast<float>(depths[i] / scale * std::exp(log_error)));
   }
   return priors;
+}
+
+void AddDepthErrors(const DepthNoiseOptions& options,
+                    const colmap::Camera& camera,
+                    double scale,
+                    uint32_t random_seed,
+                    colmap::image_t image_id,
+                    DepthMap* depth_map) {
+  DepthSamples samples;
+  samples.image_size_px = ImageSize(camera);
+  const Eigen::Vector2d pixel_size(
+      samples.image_size_px.x() / depth_map->width,
+      samples.image_size_px.y() / depth_map->height);
+  for (int y = 0; y < depth_map->height; ++y) {
+    for (int x = 0; x < depth_map->width; ++x) {
+      samples.xys_px.push_back(
+          Eigen::Vector2d(x + 0.5, y + 0.5).cwiseProduct(pixel_size));
+    }
+  }
+  samples.depths.assign(depth_map->values.begin(), depth_map->values.end());
+  depth_map->values =
+      SynthesizePriorDepths(options, scale, samples, random_seed, image_id);
 }
 
 }  // namespace dgsfm

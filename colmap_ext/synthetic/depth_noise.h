@@ -4,7 +4,12 @@
 
 #pragma once
 
+#include "colmap_ext/depth/depth_map.h"
+
 #include <colmap/util/alignment.h>
+
+#include <colmap/base/camera.h>
+#include <colmap/util/types.h>
 
 #include <cstdint>
 #include <string>
@@ -73,5 +78,13 @@ std::vector<float> SynthesizePriorDepths(const DepthNoiseOptions& options,
                                          const DepthSamples& samples,
                                          uint32_t random_seed,
                                          uint32_t image_id);
+
+// The same for the true depth map of an image, in place.
+void AddDepthErrors(const DepthNoiseOptions& options,
+                    const colmap::Camera& camera,
+                    double scale,
+                    uint32_t random_seed,
+                    colmap::image_t image_id,
+                    DepthMap* depth_map);
 
 }  // namespace dgsfm

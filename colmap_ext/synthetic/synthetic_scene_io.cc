@@ -113,12 +113,13 @@ void WriteCamerasAndImages(const SyntheticScene& synthetic,
       "prior_focal_length) VALUES(?, ?, ?, ?, ?, ?)");
   for (const auto& [camera_id, truth] : synthetic.cameras) {
     const colmap::Camera camera = CameraForMapper(synthetic, truth);
-    camera_row.BindInt(1, camera_id)
-        .BindInt(2, camera.ModelId())
-        .BindInt(3, static_cast<int64_t>(camera.Width()))
-        .BindInt(4, static_cast<int64_t>(camera.Height()))
-        .BindBlob(5, camera.Params())
-        .BindInt(6, camera.HasPriorFocalLength())
+    camera_row
+        .Bind(camera_id,
+              camera.ModelId(),
+              camera.Width(),
+              camera.Height(),
+              camera.Params(),
+              camera.HasPriorFocalLength())
         .Run();
   }
   SqliteStatement image_row(
@@ -128,19 +129,13 @@ void WriteCamerasAndImages(const SyntheticScene& synthetic,
       connection,
       "INSERT INTO keypoints(image_id, rows, cols, data) VALUES(?, ?, 6, ?)");
   for (const auto& [image_id, image] : synthetic.images) {
-    image_row.BindInt(1, image_id)
-        .BindText(2, image.name)
-        .BindInt(3, image.camera_id)
-        .Run();
+    image_row.Bind(image_id, image.name, image.camera_id).Run();
     // With the affine shape of a feature of scale 1.
     std::vector<float> values;
     for (const Eigen::Vector2d& xy : image.keypoints) {
       values.insert(values.end(), {float(xy.x()), float(xy.y()), 1, 0, 0, 1});
     }
-    keypoint_row.BindInt(1, image_id)
-        .BindInt(2, static_cast<int64_t>(image.keypoints.size()))
-        .BindBlob(3, values)
-        .Run();
+    keypoint_row.Bind(image_id, image.keypoints.size(), values).Run();
   }
 }
 
@@ -162,9 +157,7 @@ void WritePairs(const SyntheticScene& synthetic,
       "INSERT INTO two_view_geometries(pair_id, rows, cols, data, config, F, "
       "E, H, qvec, tvec) VALUES(?, ?, 2, ?, ?, ?, ?, ?, ?, ?)");
   for (const auto& [pair_id, pair] : synthetic.pairs) {
-    match_row.BindInt(1, static_cast<int64_t>(pair_id))
-        .BindInt(2, static_cast<int64_t>(pair.matches.size()))
-        .BindBlob(3, FlattenMatches(pair.matches))
+    match_row.Bind(pair_id, pair.matches.size(), FlattenMatches(pair.matches))
         .Run();
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     const colmap::TwoViewGeometry geometry =
@@ -174,15 +167,16 @@ void WritePairs(const SyntheticScene& synthetic,
                      synthetic.images.at(image_id2));
     // The database has rows after each other, Eigen columns.
     const Eigen::Matrix3d F_rows = geometry.F.transpose();
-    geometry_row.BindInt(1, static_cast<int64_t>(pair_id))
-        .BindInt(2, static_cast<int64_t>(geometry.inlier_matches.size()))
-        .BindBlob(3, FlattenMatches(geometry.inlier_matches))
-        .BindInt(4, geometry.config)
-        .BindBytes(5, F_rows.data(), sizeof(F_rows))
-        .BindBytes(6, geometry.E.data(), sizeof(geometry.E))
-        .BindBytes(7, geometry.H.data(), sizeof(geometry.H))
-        .BindBytes(8, geometry.qvec.data(), sizeof(geometry.qvec))
-        .BindBytes(9, geometry.tvec.data(), sizeof(geometry.tvec))
+    geometry_row
+        .Bind(pair_id,
+              geometry.inlier_matches.size(),
+              FlattenMatches(geometry.inlier_matches),
+              geometry.config,
+              F_rows,
+              geometry.E,
+              geometry.H,
+              geometry.qvec,
+              geometry.tvec)
         .Run();
   }
 }

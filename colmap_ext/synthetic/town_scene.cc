@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <stdexcept>
 #include <utility>
@@ -271,6 +272,27 @@ std::vector<Rigid3d> CreateTownViews(SceneFamily family,
     views.push_back(LookAt(center, target));
   }
   return views;
+}
+
+colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options) {
+  colmap::Reconstruction model;
+  const auto cameras = SynthesizeCameras(
+      options.camera, options.num_images, options.random_seed);
+  for (const auto& [camera_id, camera] : cameras) model.AddCamera(camera);
+  const std::vector<Rigid3d> views =
+      CreateTownViews(options.family, options.num_images, options.random_seed);
+  for (int i = 0; i < options.num_images; ++i) {
+    colmap::Image image;
+    image.SetImageId(i + 1);
+    image.SetCameraId(1 + i % cameras.size());
+    char name[32];
+    std::snprintf(name, sizeof(name), "image%04d.jpg", i);
+    image.SetName(name);
+    SetCamFromWorld(views[i], &image);
+    model.AddImage(image);
+    model.RegisterImage(image.ImageId());
+  }
+  return model;
 }
 
 void AddSurfacePoints(const RenderScene& scene,

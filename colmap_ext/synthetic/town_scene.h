@@ -6,6 +6,7 @@
 #include "colmap_ext/rigid3.h"
 #include "colmap_ext/synthetic/ray_caster.h"
 #include "colmap_ext/synthetic/scene_layout.h"
+#include "colmap_ext/synthetic/synthetic_scene.h"
 
 #include <colmap/util/alignment.h>
 
@@ -27,6 +28,10 @@ RenderScene CreateTown(uint32_t random_seed);
 std::vector<Rigid3d> CreateTownViews(SceneFamily family,
                                      int num_images,
                                      uint32_t random_seed);
+
+// The true model of views of the town: cameras and images called
+// image0000.jpg, image0001.jpg and so on, no points yet.
+colmap::Reconstruction CreateTownModel(const SyntheticSceneOptions& options);
 
 // Adds points of the surfaces to a model with cameras and registered images:
 // those that a grid of `num_points_per_image` rays meets and that at least two

@@ -91,10 +91,9 @@ std::string ReadColmapHelp(const std::string& colmap, double time_limit_s) {
 
 int RunOrThrow(int argc, char** argv) {
   const std::string name = argc > 1 ? argv[1] : "help";
-  for (const Command& command : Commands()) {
-    if (command.name != name) continue;
+  if (const Command* command = FindCommand(name)) {
     argv[1] = argv[0];
-    return RunCommand(command, argc - 1, argv + 1);
+    return RunCommand(*command, argc - 1, argv + 1);
   }
   const std::optional<std::string> colmap = FindColmap();
   if (name == "help" || name == "--help" || name == "-h") {

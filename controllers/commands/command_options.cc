@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/output_file.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -16,6 +17,7 @@
 #include <boost/program_options.hpp>
 #include <boost/property_tree/ini_parser.hpp>
 #include <boost/property_tree/ptree.hpp>
+#include <glog/logging.h>
 
 namespace dgsfm {
 namespace {
@@ -35,6 +37,18 @@ std::string ToText(const T& value) {
     DGSFM_CHECK(error == std::errc());
     return std::string(buffer, end);
   }
+}
+
+std::string ToText(const CommandOptions::Value& value) {
+  return std::visit([](const auto& typed) { return ToText(typed); }, value);
+}
+
+template <typename T>
+std::string TypeName() {
+  if constexpr (std::is_same_v<T, bool>) return "a truth value";
+  if constexpr (std::is_same_v<T, int>) return "a whole number";
+  if constexpr (std::is_same_v<T, double>) return "a number";
+  return "a text";
 }
 
 bool IsQuoted(const std::string& text) {
@@ -83,14 +97,20 @@ po::parsed_options ReadProject(const std::string& path,
   return parsed;
 }
 
+// Where Parse() describes the options instead.
+thread_local CommandDescription* requested_description = nullptr;
+
+std::string DescriptionType(const CommandOptions::Option& option) {
+  if (!option.choices.empty()) return "choice";
+  const CommandOptions::Value value = option.get();
+  if (std::holds_alternative<bool>(value)) return "flag";
+  if (std::holds_alternative<int>(value)) return "integer";
+  return std::holds_alternative<double>(value) ? "number" : "text";
+}
+
 }  // namespace
 
 struct CommandOptions::Impl {
-  struct Option {
-    std::string name;
-    std::function<std::string()> to_text;
-  };
-
   std::string command;
   std::string summary;
   std::string project_path;
@@ -122,7 +142,21 @@ struct CommandOptions::Impl {
         name.c_str(),
         semantic,
         (help + (is_required ? " (required)" : "")).c_str());
-    options.push_back({name, [value] { return ToText(*value); }});
+    const auto set = [name, value](const Value& given) {
+      const T* of_type = std::get_if<T>(&given);
+      if (of_type == nullptr) {
+        throw std::runtime_error("option " + name + " must be " +
+                                 TypeName<T>() + ", but is " + ToText(given));
+      }
+      if constexpr (std::is_same_v<T, double>) {
+        if (std::isnan(*of_type)) {
+          throw std::runtime_error("option " + name + " must not be nan");
+        }
+      }
+      *value = *of_type;
+    };
+    options.push_back(
+        {name, help, is_required, {}, [value] { return Value(*value); }, set});
   }
 
   // The command line goes first because the first value of an option wins.
@@ -144,6 +178,7 @@ struct CommandOptions::Impl {
     po::variables_map values;
     po::store(parsed, values);
     if (values.count("help") > 0) return false;
+    if (values.count("log_level") > 0) FLAGS_v = values["log_level"].as<int>();
     if (values.count("project_path") > 0) {
       po::store(
           ReadProject(values["project_path"].as<std::string>(), description),
@@ -162,7 +197,10 @@ CommandOptions::CommandOptions(const std::string& command,
   impl_->general.add_options()("help,h", "Show this text.")(
       "project_path",
       po::value<std::string>(),
-      "File with options; those of the command line win.");
+      "File with options; those of the command line win.")(
+      "log_level,v",
+      po::value<int>(),
+      "Log of the run: 0 is its story, 1 adds the figures of each stage");
 }
 
 CommandOptions::~CommandOptions() = default;
@@ -181,6 +219,53 @@ void CommandOptions::AddRequired(const std::string& name,
   impl_->Add(name, value, help, /*is_required=*/true);
 }
 
+void CommandOptions::AddText(const std::string& name,
+                             const std::vector<std::string>& choices,
+                             const std::function<std::string()>& get,
+                             const std::function<void(const std::string&)>& set,
+                             const std::string& help) {
+  const auto checked_set = [name, choices, set](const std::string& text) {
+    if (std::find(choices.begin(), choices.end(), text) == choices.end()) {
+      std::string expected;
+      for (const std::string& choice : choices) {
+        expected += (expected.empty() ? "" : ", ") + choice;
+      }
+      throw std::runtime_error(name + " is '" + text + "' but must be one of " +
+                               expected);
+    }
+    set(text);
+  };
+  impl_->description.add_options()(
+      name.c_str(),
+      po::value<std::string>()->default_value(get())->notifier(
+          [checked_set](const std::string& text) {
+            try {
+              checked_set(text);
+            } catch (const std::runtime_error& error) {
+              throw po::error(error.what());
+            }
+          }),
+      help.c_str());
+  const auto set_value = [name, checked_set](const Value& given) {
+    const std::string* text = std::get_if<std::string>(&given);
+    if (text == nullptr) {
+      throw std::runtime_error("option " + name + " must be a text, but is " +
+                               ToText(given));
+    }
+    checked_set(*text);
+  };
+  impl_->options.push_back({name,
+                            help,
+                            /*is_required=*/false,
+                            choices,
+                            [get] { return Value(get()); },
+                            set_value});
+}
+
+const std::vector<CommandOptions::Option>& CommandOptions::Options() const {
+  return impl_->options;
+}
+
 #define DGSFM_INSTANTIATE(T)                       \
   template void CommandOptions::Add<T>(            \
       const std::string&, T*, const std::string&); \
@@ -192,7 +277,29 @@ DGSFM_INSTANTIATE(double)
 DGSFM_INSTANTIATE(std::string)
 #undef DGSFM_INSTANTIATE
 
+CommandDescription DescribeOptions(const std::function<int()>& run) {
+  CommandDescription description;
+  requested_description = &description;
+  run();
+  requested_description = nullptr;
+  return description;
+}
+
 std::optional<int> CommandOptions::Parse(int argc, char** argv) {
+  if (requested_description != nullptr) {
+    requested_description->command = impl_->command;
+    requested_description->summary = impl_->summary;
+    for (const Option& option : impl_->options) {
+      requested_description->options.push_back(
+          {option.name,
+           DescriptionType(option),
+           option.is_required ? "" : ToText(option.get()),
+           option.help,
+           option.is_required,
+           option.choices});
+    }
+    return 0;
+  }
   try {
     if (impl_->ParseOrThrow(argc, argv)) return std::nullopt;
   } catch (const po::error& error) {
@@ -209,8 +316,8 @@ std::optional<int> CommandOptions::Parse(int argc, char** argv) {
 std::string CommandOptions::ProjectText() const {
   std::string text;
   std::map<std::string, std::string> groups;
-  for (const Impl::Option& option : impl_->options) {
-    const std::string value = option.to_text();
+  for (const Option& option : impl_->options) {
+    const std::string value = ToText(option.get());
     if (value.find('\n') != std::string::npos) {
       throw std::runtime_error("option " + option.name +
                                " contains a line break");

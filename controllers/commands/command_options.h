@@ -3,18 +3,34 @@
 
 #pragma once
 
-#include <iostream>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 namespace dgsfm {
 
 class CommandOptions {
  public:
+  using Value = std::variant<bool, int, double, std::string>;
+
+  // An option as it was bound.
+  struct Option {
+    std::string name;
+    std::string help;
+    bool is_required = false;
+    // The texts that the value may have; empty for any.
+    std::vector<std::string> choices;
+    std::function<Value()> get;
+    // Throws std::runtime_error, naming the option, for a value of another type
+    // than that of get(), for NaN, and for texts beside the choices.
+    std::function<void(const Value&)> set;
+  };
+
   // `command` as typed by the user, `summary` one sentence for --help.
   CommandOptions(const std::string& command, const std::string& summary);
   ~CommandOptions();
@@ -26,6 +42,16 @@ class CommandOptions {
   void Add(const std::string& name, T* value, const std::string& help);
   template <typename T>
   void AddRequired(const std::string& name, T* value, const std::string& help);
+
+  // Binds an option whose text names one of the choices.
+  template <typename T>
+  void AddChoice(const std::string& name,
+                 T* value,
+                 const std::vector<std::pair<std::string, T>>& choices,
+                 const std::string& help);
+
+  // In the order in which they were bound.
+  const std::vector<Option>& Options() const;
 
   // Reads the command line (argv[0] is the program, the command's own name
   // already removed) and, if --project_path is given, that file first: the
@@ -43,34 +69,71 @@ class CommandOptions {
 
  private:
   struct Impl;
+
+  void AddText(const std::string& name,
+               const std::vector<std::string>& choices,
+               const std::function<std::string()>& get,
+               const std::function<void(const std::string&)>& set,
+               const std::string& help);
+
   std::unique_ptr<Impl> impl_;
 };
+
+template <typename T>
+void CommandOptions::AddChoice(
+    const std::string& name,
+    T* value,
+    const std::vector<std::pair<std::string, T>>& choices,
+    const std::string& help) {
+  std::vector<std::string> texts;
+  for (const auto& [text, choice] : choices) texts.push_back(text);
+  AddText(
+      name,
+      texts,
+      [value, choices] {
+        for (const auto& [text, choice] : choices) {
+          if (choice == *value) return text;
+        }
+        return std::string();
+      },
+      [value, choices](const std::string& chosen) {
+        for (const auto& [text, choice] : choices) {
+          if (text == chosen) *value = choice;
+        }
+      },
+      help);
+}
+
+// What --help shows of a command, for documents that are made of it.
+struct CommandDescription {
+  struct Option {
+    std::string name;
+    // "flag" (0 or 1), "integer", "number", "text" or "choice".
+    std::string type;
+    // As on the command line; empty for a required option.
+    std::string default_text;
+    std::string help;
+    bool is_required = false;
+    std::vector<std::string> choices;
+  };
+
+  std::string command;
+  // A sentence, and the line of `colmap help`.
+  std::string summary;
+  std::string headline;
+  // In the order of --help, without what all commands have.
+  std::vector<Option> options;
+};
+
+// What the first options that `run` parses in this thread are; Parse() then
+// ends the command with exit code 0 and prints nothing.
+CommandDescription DescribeOptions(const std::function<int()>& run);
 
 // Throws std::runtime_error with the reason unless the options are valid.
 template <typename Options>
 void CheckOptions(const Options& options) {
   std::string error;
   if (!options.IsValid(&error)) throw std::runtime_error(error);
-}
-
-// Finds the value of the choice that the text of an option names; otherwise
-// false and a message on stderr.
-template <typename T>
-bool ParseChoice(const std::string& name,
-                 const std::string& text,
-                 const std::vector<std::pair<std::string, T>>& choices,
-                 T* value) {
-  std::string expected;
-  for (const auto& [choice, choice_value] : choices) {
-    if (text == choice) {
-      *value = choice_value;
-      return true;
-    }
-    expected += (expected.empty() ? "" : ", ") + choice;
-  }
-  std::cerr << "ERROR: " << name << " is '" << text << "' but must be one of "
-            << expected << std::endl;
-  return false;
 }
 
 // Adds options whose names begin with that of their group: "Group.field".

@@ -30,11 +30,25 @@ const std::vector<Command>& Commands() {
       {"model_renderer",
        "draws points and cameras of a model",
        &RunModelRenderer},
+      {"model_reporter",
+       "writes a page to look at a model in a browser",
+       &RunModelReporter},
       {"depth_scene_synthesizer",
        "writes a synthetic scene with exact truth",
        &RunDepthSceneSynthesizer},
   };
   return commands;
+}
+
+const Command* FindCommand(const std::string& name) {
+  static const Command documents = {
+      "command_documents",
+      "writes man pages, completions and a list of all options",
+      &RunCommandDocuments};
+  for (const Command& command : Commands()) {
+    if (command.name == name) return &command;
+  }
+  return name == documents.name ? &documents : nullptr;
 }
 
 int RunCommand(const Command& command, int argc, char** argv) {

@@ -17,7 +17,9 @@ int RunDepthGeometricVerifier(int argc, char** argv);
 int RunDepthGlobalMapper(int argc, char** argv);
 int RunModelEvaluator(int argc, char** argv);
 int RunModelRenderer(int argc, char** argv);
+int RunModelReporter(int argc, char** argv);
 int RunDepthSceneSynthesizer(int argc, char** argv);
+int RunCommandDocuments(int argc, char** argv);
 
 struct Command {
   std::string name;
@@ -25,8 +27,12 @@ struct Command {
   int (*run)(int argc, char** argv);
 };
 
-// All of the above, in the order of the help text.
+// Those for users, in the order of the help text.
 const std::vector<Command>& Commands();
+
+// A command of users, or command_documents, which only builds call; null for
+// other names.
+const Command* FindCommand(const std::string& name);
 
 // Runs a command and turns its exceptions into "ERROR: ..." on stderr and
 // exit code 1.

@@ -1,10 +1,29 @@
-#include "controllers/commands/command_options.h"
 #include "controllers/commands/commands.h"
-#include "controllers/dense_match_importer.h"
+#include "controllers/commands/import_export_options.h"
 
 #include <iostream>
 
 namespace dgsfm {
+
+void BindOptions(DenseMatchImportOptions* options,
+                 CommandOptions* command_options) {
+  command_options->Add(
+      "merge_radius",
+      &options->merge_radius_px,
+      "Points of different pairs within this are one key point [px]");
+  command_options->Add("min_confidence",
+                       &options->min_confidence,
+                       "Matches of lower confidence are left out");
+  command_options->Add(
+      "coordinate_offset",
+      &options->coordinate_offset_px,
+      "Added to coordinates: 0.5 if the first pixel's centre is (0, 0) "
+      "[px]");
+  command_options->Add(
+      "overwrite",
+      &options->overwrite,
+      "Whether to replace features and matches of the database");
+}
 
 int RunDenseMatchImporter(int argc, char** argv) {
   std::string database_path;
@@ -22,26 +41,16 @@ int RunDenseMatchImporter(int argc, char** argv) {
                       "group NAME1<>NAME2 per pair with keypoints0, keypoints1 "
                       "(or mkpts0, mkpts1, or matches of 4 columns) and "
                       "confidence");
-  command.Add("merge_radius",
-              &options.merge_radius_px,
-              "Points of different pairs within this are one key point [px]");
-  command.Add("min_confidence",
-              &options.min_confidence,
-              "Matches of lower confidence are left out");
-  command.Add("coordinate_offset",
-              &options.coordinate_offset_px,
-              "Added to coordinates: 0.5 if the first pixel's centre is (0, 0) "
-              "[px]");
-  command.Add("overwrite",
-              &options.overwrite,
-              "Whether to replace features and matches of the database");
+  BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
   std::string error;
   if (!options.IsValid(&error)) {
     std::cerr << "ERROR: " << error << std::endl;
     return 2;
   }
-  std::cout << ImportDenseMatches(database_path, match_path, options).ToText()
+  std::cout << ImportDenseMatches(
+                   database_path, DenseMatchFile(match_path), options)
+                   .ToText()
             << std::flush;
   return 0;
 }

@@ -1,71 +1,50 @@
-#include "controllers/commands/command_options.h"
 #include "controllers/commands/commands.h"
-#include "controllers/depth_exporter.h"
+#include "controllers/commands/import_export_options.h"
 
 #include <iostream>
 
 namespace dgsfm {
-namespace {
-
-void AddOptions(std::string* format,
-                std::string* model,
-                DepthExportOptions* options,
-                CommandOptions* command) {
-  command->Add("format",
-               format,
-               "npy, png (16 bits), exr, bin (COLMAP's dense maps) or 3dgs "
-               "(16-bit inverse depth and depth_params.json)");
-  command->Add(
+void BindOptions(DepthExportOptions* options, CommandOptions* command_options) {
+  command_options->AddChoice<DepthExportFormat>(
+      "format",
+      &options->format,
+      {{"npy", DepthExportFormat::NPY},
+       {"png", DepthExportFormat::PNG},
+       {"exr", DepthExportFormat::EXR},
+       {"bin", DepthExportFormat::DENSE_BIN},
+       {"3dgs", DepthExportFormat::GAUSSIAN_SPLATTING}},
+      "npy, png (16 bits), exr, bin (COLMAP's dense maps) or 3dgs "
+      "(16-bit inverse depth and depth_params.json)");
+  command_options->Add(
       "undistorted_path",
       &options->undistorted_path,
       "Model that image_undistorter made of input_path: maps are those "
       "of its images");
-  command->Add("png_scale",
-               &options->png_scale,
-               "Depth per step of a PNG [unit of depth]");
-  command->Add("DepthAlignment.model",
-               model,
-               "scale, scale_shift, or field (a smooth field of scales)");
-  command->Add("DepthAlignment.min_num_points",
-               &options->alignment.min_num_points,
-               "Images that see fewer points are left out");
-  command->Add("DepthAlignment.num_nodes",
-               &options->alignment.num_nodes,
-               "Nodes of the field along the longer side");
-  command->Add("num_threads",
-               &options->num_threads,
-               "Threads that align and write; -1 for one per core");
+  command_options->Add("png_scale",
+                       &options->png_scale,
+                       "Depth per step of a PNG [unit of depth]");
+  command_options->AddChoice<DepthAlignmentModel>(
+      "DepthAlignment.model",
+      &options->alignment.model,
+      {{"scale", DepthAlignmentModel::SCALE},
+       {"scale_shift", DepthAlignmentModel::SCALE_SHIFT},
+       {"field", DepthAlignmentModel::FIELD}},
+      "scale, scale_shift, or field (a smooth field of scales)");
+  command_options->Add("DepthAlignment.min_num_points",
+                       &options->alignment.min_num_points,
+                       "Images that see fewer points are left out");
+  command_options->Add("DepthAlignment.num_nodes",
+                       &options->alignment.num_nodes,
+                       "Nodes of the field along the longer side");
+  command_options->Add("num_threads",
+                       &options->num_threads,
+                       "Threads that align and write; -1 for one per core");
 }
-
-bool ParseChoices(const std::string& format,
-                  const std::string& model,
-                  DepthExportOptions* options) {
-  return ParseChoice<DepthExportFormat>(
-             "format",
-             format,
-             {{"npy", DepthExportFormat::NPY},
-              {"png", DepthExportFormat::PNG},
-              {"exr", DepthExportFormat::EXR},
-              {"bin", DepthExportFormat::DENSE_BIN},
-              {"3dgs", DepthExportFormat::GAUSSIAN_SPLATTING}},
-             &options->format) &&
-         ParseChoice<DepthAlignmentModel>(
-             "DepthAlignment.model",
-             model,
-             {{"scale", DepthAlignmentModel::SCALE},
-              {"scale_shift", DepthAlignmentModel::SCALE_SHIFT},
-              {"field", DepthAlignmentModel::FIELD}},
-             &options->alignment.model);
-}
-
-}  // namespace
 
 int RunDepthExporter(int argc, char** argv) {
   std::string database_path;
   std::string input_path;
   std::string output_path;
-  std::string format = "npy";
-  std::string model = "field";
   DepthExportOptions options;
   CommandOptions command("depth_exporter",
                          "Writes the depth maps of the database, as they are "
@@ -77,9 +56,8 @@ int RunDepthExporter(int argc, char** argv) {
               &input_path,
               "Model to whose points the maps are fitted; without it they are "
               "as they were imported");
-  AddOptions(&format, &model, &options, &command);
+  BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
-  if (!ParseChoices(format, model, &options)) return 2;
   std::string error;
   if (input_path.empty() && !options.undistorted_path.empty()) {
     std::cerr << "ERROR: undistorted_path needs input_path" << std::endl;

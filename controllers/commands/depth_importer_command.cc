@@ -1,6 +1,5 @@
-#include "controllers/commands/command_options.h"
 #include "controllers/commands/commands.h"
-#include "controllers/depth_importer.h"
+#include "controllers/commands/import_export_options.h"
 
 #include <iostream>
 
@@ -9,13 +8,15 @@
 namespace dgsfm {
 namespace {
 
-void AddMeaningOfNumbers(std::string* depth_type,
-                         std::string* depth_unit,
-                         DepthImportOptions* options,
-                         CommandOptions* command) {
-  command->Add(
+void AddMeaningOfNumbers(DepthImportOptions* options, CommandOptions* command) {
+  command->AddChoice<DepthType>(
       "depth_type",
-      depth_type,
+      &options->reading.type,
+      {{"z", DepthType::Z},
+       {"range", DepthType::RANGE},
+       {"inverse", DepthType::INVERSE},
+       {"relative_disparity", DepthType::RELATIVE_DISPARITY},
+       {"relative_depth", DepthType::RELATIVE_DEPTH}},
       "What the numbers are: z (third coordinate), range (length of "
       "the ray), inverse (1 / z), or up to an unknown scale and shift "
       "per image relative_disparity (a / z + b: Depth Anything, MiDaS, "
@@ -24,10 +25,12 @@ void AddMeaningOfNumbers(std::string* depth_type,
                &options->reading.scale,
                "Depth per unit of the files, e.g. 0.001 for millimetres; for "
                "inverse, depth times number");
-  command->Add("depth_unit",
-               depth_unit,
-               "What depth is measured in after scaling: metric (metres) or "
-               "relative (unknown)");
+  command->AddChoice<DepthUnit>(
+      "depth_unit",
+      &options->reading.unit,
+      {{"metric", DepthUnit::METRIC}, {"relative", DepthUnit::RELATIVE}},
+      "What depth is measured in after scaling: metric (metres) or "
+      "relative (unknown)");
 }
 
 void AddExclusions(DepthImportOptions* options, CommandOptions* command) {
@@ -76,6 +79,12 @@ void AddStorage(DepthImportOptions* options, CommandOptions* command) {
 
 }  // namespace
 
+void BindOptions(DepthImportOptions* options, CommandOptions* command_options) {
+  AddMeaningOfNumbers(options, command_options);
+  AddExclusions(options, command_options);
+  AddStorage(options, command_options);
+}
+
 int RunDepthImporter(int argc, char** argv) {
   // Keeps the memory of a map for the next one: to return its pages and to
   // fault them in again takes as long as to read the map.
@@ -83,8 +92,6 @@ int RunDepthImporter(int argc, char** argv) {
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   std::string database_path;
   std::string depth_path;
-  std::string depth_type = "z";
-  std::string depth_unit = "metric";
   DepthImportOptions options;
   CommandOptions command("depth_importer",
                          "Stores depth maps and their values at the key points "
@@ -96,27 +103,9 @@ int RunDepthImporter(int argc, char** argv) {
       "Folder of depth maps named after the images, a.jpg.npy "
       "or a.npy; also .npz, .exr, .tif, .pfm, .png and COLMAP's "
       "dense .bin; or an HDF5 file with a group per image");
-  AddMeaningOfNumbers(&depth_type, &depth_unit, &options, &command);
-  AddExclusions(&options, &command);
-  AddStorage(&options, &command);
+  BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
   std::string error;
-  if (!ParseChoice<DepthType>(
-          "depth_type",
-          depth_type,
-          {{"z", DepthType::Z},
-           {"range", DepthType::RANGE},
-           {"inverse", DepthType::INVERSE},
-           {"relative_disparity", DepthType::RELATIVE_DISPARITY},
-           {"relative_depth", DepthType::RELATIVE_DEPTH}},
-          &options.reading.type) ||
-      !ParseChoice<DepthUnit>(
-          "depth_unit",
-          depth_unit,
-          {{"metric", DepthUnit::METRIC}, {"relative", DepthUnit::RELATIVE}},
-          &options.reading.unit)) {
-    return 2;
-  }
   if (!options.IsValid(&error)) {
     std::cerr << "ERROR: " << error << std::endl;
     return 2;
@@ -125,9 +114,7 @@ int RunDepthImporter(int argc, char** argv) {
       ImportDepthMaps(database_path, depth_path, options);
   std::cout << summary.ToText() << std::flush;
   if (summary.failed.empty()) return 0;
-  std::cerr << "ERROR: " << summary.failed.size()
-            << " depth maps could not be imported, the first: "
-            << summary.failed.front().reason << std::endl;
+  std::cerr << "ERROR: " << summary.FailureText() << std::endl;
   return 1;
 }
 

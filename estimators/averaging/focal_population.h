@@ -6,7 +6,7 @@
 
 namespace dgsfm {
 
-// Average of the estimates of one camera, see AverageFocals.
+// Median of the estimates of one camera.
 struct CameraFocalEstimate {
   double log_focal_length = 0;
   // Spread of the estimates about their average [1], >= 0.

@@ -1,5 +1,6 @@
 #include "estimators/averaging/graph_averaging.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/check.h"
 #include "estimators/option_check.h"
 
@@ -77,6 +78,7 @@ bool AverageReweighted(
   Eigen::MatrixXd steps;
   for (const Phase& phase : {l1_phase, redescending_phase}) {
     for (int i = 0; i < phase.max_num_iterations; ++i) {
+      ThrowIfCancelled();
       const Eigen::MatrixXd residuals = compute_residuals();
       for (Eigen::Index e = 0; e < robust_weights.size(); ++e) {
         robust_weights(e) =

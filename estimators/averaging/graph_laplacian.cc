@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include <Eigen/IterativeLinearSolvers>
+
 namespace dgsfm {
 namespace {
 
@@ -24,56 +26,18 @@ int FindEntry(const Eigen::SparseMatrix<double>& matrix, int row, int col) {
   return static_cast<int>(std::lower_bound(begin, end, row) - rows);
 }
 
-// One run for all K columns, which share the passes over the matrix; vectors
-// are K x N. False without convergence.
-template <int K>
+// False without convergence.
 bool SolveByConjugateGradients(const Eigen::SparseMatrix<double>& laplacian,
                                const Eigen::MatrixXd& right_side,
                                Eigen::MatrixXd* unknowns) {
-  using Vectors = Eigen::Matrix<double, K, Eigen::Dynamic>;
-  using Numbers = Eigen::Array<double, K, 1>;
-  const Eigen::Index num_rows = laplacian.rows();
-  const auto dot = [](const Vectors& a, const Vectors& b) {
-    return Numbers(a.cwiseProduct(b).rowwise().sum());
-  };
-  // A column that has converged to the last bit stays.
-  const auto ratio = [](const Numbers& a, const Numbers& b) {
-    return Eigen::Matrix<double, K, 1>((b > 0).select(a / b, 0));
-  };
-  // The matrix is symmetric: its columns are its rows.
-  const auto multiply = [&](const Vectors& vectors) {
-    Vectors images(K, num_rows);
-    for (Eigen::Index i = 0; i < num_rows; ++i) {
-      Eigen::Matrix<double, K, 1> sum = Eigen::Matrix<double, K, 1>::Zero();
-      for (Eigen::SparseMatrix<double>::InnerIterator it(laplacian, i); it;
-           ++it) {
-        sum += it.value() * vectors.col(it.index());
-      }
-      images.col(i) = sum;
-    }
-    return images;
-  };
-  const Eigen::VectorXd inverse_diagonal = laplacian.diagonal().cwiseInverse();
-  Vectors solutions = Vectors::Zero(K, num_rows);
-  Vectors residuals = right_side.transpose();
-  Vectors preconditioned = residuals * inverse_diagonal.asDiagonal();
-  Vectors directions = preconditioned;
-  Numbers energies = dot(residuals, preconditioned);
-  const double tolerance =
-      kResidualTolerance * kResidualTolerance * energies.sum();
-  for (Eigen::Index i = 0; i < num_rows && energies.sum() > tolerance; ++i) {
-    const Vectors images = multiply(directions);
-    const auto steps = ratio(energies, dot(directions, images));
-    solutions += steps.asDiagonal() * directions;
-    residuals -= steps.asDiagonal() * images;
-    preconditioned = residuals * inverse_diagonal.asDiagonal();
-    const Numbers previous_energies = energies;
-    energies = dot(residuals, preconditioned);
-    directions = preconditioned +
-                 ratio(energies, previous_energies).asDiagonal() * directions;
-  }
-  *unknowns = solutions.transpose();
-  return energies.sum() <= tolerance && unknowns->allFinite();
+  // Nodes without edges would get zero instead of a failure.
+  if (!(Eigen::VectorXd(laplacian.diagonal()).minCoeff() > 0)) return false;
+  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>,
+                           Eigen::Lower | Eigen::Upper>
+      solver;
+  solver.setTolerance(kResidualTolerance);
+  *unknowns = solver.compute(laplacian).solve(right_side);
+  return solver.info() == Eigen::Success && unknowns->allFinite();
 }
 
 }  // namespace
@@ -128,13 +92,9 @@ bool GraphLaplacianSolver::Solve(const Eigen::VectorXd& weights,
       << "differences of " << num_columns << " columns";
   const Eigen::MatrixXd right_side = Assemble(weights, differences);
   Eigen::MatrixXd unknowns(num_nodes_ - 1, num_columns);
-  const auto by_conjugate_gradients = [&]() {
-    return num_columns == 1
-               ? SolveByConjugateGradients<1>(laplacian_, right_side, &unknowns)
-               : SolveByConjugateGradients<3>(
-                     laplacian_, right_side, &unknowns);
-  };
-  if (num_nodes_ > 1 && (prefers_factorization_ || !by_conjugate_gradients()) &&
+  if (num_nodes_ > 1 &&
+      (prefers_factorization_ ||
+       !SolveByConjugateGradients(laplacian_, right_side, &unknowns)) &&
       !SolveByFactorization(right_side, &unknowns)) {
     return false;
   }

@@ -11,12 +11,8 @@ namespace {
 
 // Angle-axis vector of a rotation, angle in [0, pi]; stable at both ends.
 Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation) {
-  const double sine = rotation.vec().norm();
-  const double sign = rotation.w() < 0 ? -1 : 1;
-  // atan2(x, 1) / x is 1 to the last bit here.
-  if (sine < 1e-10) return 2 * sign * rotation.vec();
-  const double half_angle = std::atan2(sine, std::abs(rotation.w()));
-  return (2 * sign * half_angle / sine) * rotation.vec();
+  const Eigen::AngleAxisd angle_axis(rotation);
+  return angle_axis.angle() * angle_axis.axis();
 }
 
 Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& angle_axis) {

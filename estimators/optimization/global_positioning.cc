@@ -8,6 +8,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
 #include <tuple>
 
 namespace dgsfm {
@@ -29,11 +31,6 @@ void CheckInput(const std::vector<PositioningObservation>& observations,
         << "ray is no unit vector: " << observation.ray_in_world.transpose();
     DGSFM_CHECK(std::isfinite(observation.weight) && observation.weight > 0)
         << "weight = " << observation.weight;
-    DGSFM_CHECK(std::isfinite(observation.log_distance) &&
-                std::isfinite(observation.log_distance_stddev) &&
-                observation.log_distance_stddev >= 0)
-        << "log distance " << observation.log_distance << " +- "
-        << observation.log_distance_stddev;
   }
 }
 
@@ -61,123 +58,77 @@ std::vector<double> LogDistances(
     const std::vector<Eigen::Vector3d>& points) {
   std::vector<double> log_distances;
   for (const PositioningObservation& observation : observations) {
-    log_distances.push_back(LogDistance(
-        points[observation.point] - centers[observation.camera], nullptr));
+    const double distance =
+        (points[observation.point] - centers[observation.camera]).norm();
+    // A point in its camera's centre must not turn medians into infinities.
+    log_distances.push_back(
+        std::log(std::max(distance, std::numeric_limits<double>::min())));
   }
   return log_distances;
 }
 
-// The rays, and with kNumFactors = 1 the log distances as well, whose factors
-// are a fourth parameter of each camera.
-template <int kNumFactors>
-class PositioningProblem
-    : public PointProblem<3 + kNumFactors, 3 + kNumFactors> {
+class PositioningProblem : public PointProblem<3, 3> {
  public:
-  using Base = PointProblem<3 + kNumFactors, 3 + kNumFactors>;
-  using Row = typename Base::Row;
-
   PositioningProblem(const std::vector<PositioningObservation>& all,
                      int fixed_camera,
-                     const GlobalPositioningOptions& options,
-                     double unit,
+                     const std::vector<int>& body_of_camera,
+                     double loss_scale,
                      std::vector<Eigen::Vector3d>* centers,
                      std::vector<Eigen::Vector3d>* points)
       : observations_(all),
-        options_(options),
-        log_unit_(std::log(unit)),
+        loss_scale_(loss_scale),
         centers_(*centers),
-        points_(*points),
-        log_factors_(centers->size(), 0),
-        depth_weights_(centers->size(), 0) {
+        points_(*points) {
     std::stable_sort(observations_.begin(),
                      observations_.end(),
                      [](const auto& a, const auto& b) {
                        return std::tie(a.point, a.camera) <
                               std::tie(b.point, b.camera);
                      });
-    this->observation_index.num_cameras = int(centers->size());
-    this->observation_index.num_points = int(points->size());
-    this->camera_columns.resize(centers->size());
-    for (auto& columns : this->camera_columns) columns.fill(-1);
+    observation_index.num_cameras = int(centers->size());
+    observation_index.num_points = int(points->size());
+    std::vector<CameraColumns> body_columns(centers->size(), {-1, -1, -1});
     for (const PositioningObservation& observation : observations_) {
-      const int camera = observation.camera;
-      this->observation_index.cameras.push_back(camera);
-      this->observation_index.points.push_back(observation.point);
-      auto& columns = this->camera_columns[camera];
-      if (camera != fixed_camera && columns[0] < 0) {
-        for (int i = 0; i < 3; ++i) columns[i] = this->num_columns++;
-      }
-      if (kNumFactors == 0 || observation.log_distance_stddev == 0) continue;
-      // The number of depths, at first.
-      depth_weights_[camera] += 1;
-      if (columns.back() < 0) columns.back() = this->num_columns++;
+      observation_index.cameras.push_back(observation.camera);
+      observation_index.points.push_back(observation.point);
+      const int body = body_of_camera[observation.camera];
+      auto& columns = body_columns[body];
+      if (body == body_of_camera[fixed_camera] || columns[0] >= 0) continue;
+      for (int& column : columns) column = num_columns++;
     }
-    for (double& weight : depth_weights_) {
-      weight = options.ray_stddev * options.ray_stddev *
-               std::min(1.0, options.max_num_depths / std::max(weight, 1.0));
+    for (const int body : body_of_camera) {
+      camera_columns.push_back(body_columns[body]);
     }
   }
 
   double Cost(int k) const override {
-    const double error = RayResidual(k, nullptr).norm();
-    const double scale = options_.loss_scale;
-    const double cost =
-        observations_[k].weight *
-        (error <= scale ? 0.5 * error * error : scale * (error - 0.5 * scale));
-    if (!HasDepth(k)) return cost;
-    const double depth_error = DepthError(k, nullptr);
-    return cost + 0.5 * depth_weights_[observations_[k].camera] *
-                      std::log1p(depth_error * depth_error);
+    const double error = Residual(k, nullptr).norm();
+    return observations_[k].weight *
+           (error <= loss_scale_ ? 0.5 * error * error
+                                 : loss_scale_ * (error - 0.5 * loss_scale_));
   }
 
   void Linearize(int k, Row* row) const override {
-    row->residual.setZero();
-    row->by_point.setZero();
-    row->by_camera.setZero();
     Eigen::Matrix3d by_point;
-    const Eigen::Vector3d residual = RayResidual(k, &by_point);
+    const Eigen::Vector3d residual = Residual(k, &by_point);
     const double error = residual.norm();
-    // Ceres's correction for losses of negative or no curvature.
-    const double factor = std::sqrt(
-        observations_[k].weight *
-        (error <= options_.loss_scale ? 1 : options_.loss_scale / error));
-    row->residual.template head<3>() = factor * residual;
-    row->by_point.template leftCols<3>() = factor * by_point.transpose();
-    if (HasDepth(k)) LinearizeDepth(k, row);
-    row->by_camera.template topRows<3>() = -row->by_point;
-  }
-
-  double TermsCost() const override {
-    double cost = 0;
-    for (const double log_factor : log_factors_) {
-      cost += 0.5 * FactorWeight() * log_factor * log_factor;
-    }
-    return cost;
-  }
-
-  void LinearizeTerms(typename Base::Triplets* hessian,
-                      Eigen::VectorXd* gradient) const override {
-    for (size_t i = 0; kNumFactors > 0 && i < log_factors_.size(); ++i) {
-      const int column = this->camera_columns[i].back();
-      if (column < 0) continue;
-      hessian->emplace_back(column, column, FactorWeight());
-      (*gradient)(column) += FactorWeight() * log_factors_[i];
-    }
+    // The loss has no positive curvature beyond its scale, so that its weight
+    // alone keeps the normal matrix positive.
+    const double factor =
+        std::sqrt(observations_[k].weight *
+                  (error <= loss_scale_ ? 1 : loss_scale_ / error));
+    row->residual = factor * residual;
+    row->by_point = factor * by_point.transpose();
+    row->by_camera = -row->by_point;
   }
 
   void Step(const Eigen::VectorXd& column_steps,
             const std::vector<Eigen::Vector3d>& point_steps) override {
     saved_centers_ = centers_;
     saved_points_ = points_;
-    saved_log_factors_ = log_factors_;
     for (size_t i = 0; i < centers_.size(); ++i) {
-      const auto& columns = this->camera_columns[i];
-      if (columns[0] >= 0) {
-        centers_[i] += column_steps.template segment<3>(columns[0]);
-      }
-      if (kNumFactors > 0 && columns.back() >= 0) {
-        log_factors_[i] += column_steps(columns.back());
-      }
+      const int column = camera_columns[i][0];
+      if (column >= 0) centers_[i] += column_steps.segment<3>(column);
     }
     for (size_t i = 0; i < points_.size(); ++i) points_[i] += point_steps[i];
   }
@@ -185,80 +136,46 @@ class PositioningProblem
   void Undo() override {
     centers_.swap(saved_centers_);
     points_.swap(saved_points_);
-    log_factors_.swap(saved_log_factors_);
   }
 
   Eigen::Vector3d& Point(int point) override { return points_[point]; }
 
  private:
-  Eigen::Vector3d Direction(int k) const {
-    return points_[observations_[k].point] - centers_[observations_[k].camera];
-  }
-
-  Eigen::Vector3d RayResidual(int k, Eigen::Matrix3d* by_point) const {
+  Eigen::Vector3d Residual(int k, Eigen::Matrix3d* by_point) const {
+    const PositioningObservation& observation = observations_[k];
     return RayPointResidual(
-        observations_[k].ray_in_world, Direction(k), by_point);
-  }
-
-  bool HasDepth(int k) const {
-    return kNumFactors > 0 && observations_[k].log_distance_stddev > 0;
-  }
-
-  // In standard deviations.
-  double DepthError(int k, Eigen::Vector3d* by_point) const {
-    const PositioningObservation& observation = observations_[k];
-    return (LogDistance(Direction(k), by_point) + log_unit_ -
-            observation.log_distance - log_factors_[observation.camera]) /
-           observation.log_distance_stddev;
-  }
-
-  void LinearizeDepth(int k, Row* row) const {
-    constexpr int kLast = 2 + kNumFactors;
-    const PositioningObservation& observation = observations_[k];
-    Eigen::Vector3d by_point;
-    const double error = DepthError(k, &by_point);
-    const double factor =
-        std::sqrt(depth_weights_[observation.camera] / (1 + error * error));
-    row->residual(kLast) = factor * error;
-    row->by_point.col(kLast) =
-        factor / observation.log_distance_stddev * by_point;
-    row->by_camera(kLast, kLast) = -factor / observation.log_distance_stddev;
-  }
-
-  double FactorWeight() const {
-    const double ratio = options_.ray_stddev / options_.log_factor_stddev;
-    return ratio * ratio;
+        observation.ray_in_world,
+        points_[observation.point] - centers_[observation.camera],
+        by_point);
   }
 
   std::vector<PositioningObservation> observations_;
-  const GlobalPositioningOptions& options_;
-  const double log_unit_;
+  const double loss_scale_;
   std::vector<Eigen::Vector3d>& centers_;
   std::vector<Eigen::Vector3d>& points_;
-  std::vector<double> log_factors_;
-  // Weight of one log distance of each camera [1 / variance].
-  std::vector<double> depth_weights_;
   std::vector<Eigen::Vector3d> saved_centers_, saved_points_;
-  std::vector<double> saved_log_factors_;
 };
 
-template <int kNumFactors>
-PointMinimizerSummary MinimizeWithoutScales(
+PointMinimizerSummary Minimize(
     const std::vector<PositioningObservation>& observations,
     int fixed_camera,
     const GlobalPositioningOptions& options,
-    double unit,
+    const std::vector<int>& body_of_camera,
     std::vector<Eigen::Vector3d>* centers,
     std::vector<Eigen::Vector3d>* points) {
-  PositioningProblem<kNumFactors> problem(
-      observations, fixed_camera, options, unit, centers, points);
+  PositioningProblem problem(observations,
+                             fixed_camera,
+                             body_of_camera,
+                             options.loss_scale,
+                             centers,
+                             points);
   PointMinimizerOptions minimizer;
   minimizer.max_num_iterations = options.max_num_iterations;
   minimizer.function_tolerance = options.function_tolerance;
   minimizer.num_threads = options.num_threads;
+  // Cameras have far to go here; points that settle early would hold them.
   minimizer.refine_points = false;
-  return MinimizeWithPoints<3 + kNumFactors, 3 + kNumFactors>(minimizer,
-                                                              &problem);
+  return MinimizeWithPoints<3, 3>(minimizer, &problem);
 }
 
 }  // namespace
@@ -268,9 +185,6 @@ bool GlobalPositioningOptions::IsValid(std::string* error) const {
       .AtLeast("max_num_iterations", max_num_iterations, 1)
       .Above("loss_scale", loss_scale, 0)
       .AtLeast("function_tolerance", function_tolerance, 0)
-      .Above("ray_stddev", ray_stddev, 0)
-      .Above("max_num_depths", max_num_depths, 0)
-      .Above("log_factor_stddev", log_factor_stddev, 0)
       .AtLeast("num_threads", num_threads, 1)
       .AreKept();
 }
@@ -280,10 +194,17 @@ GlobalPositioningSummary SolveGlobalPositioning(
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points) {
+    std::vector<Eigen::Vector3d>* points,
+    const PositioningBodies& bodies) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   CheckInput(observations, fixed_camera, centers->size(), points->size());
+  std::vector<int> body_of_camera = bodies.body_of_camera;
+  if (body_of_camera.empty()) {
+    body_of_camera.resize(centers->size());
+    std::iota(body_of_camera.begin(), body_of_camera.end(), 0);
+  }
+  DGSFM_CHECK(body_of_camera.size() == centers->size());
   GlobalPositioningSummary summary;
   if (observations.empty()) {
     summary.message = "no observations";
@@ -305,17 +226,12 @@ GlobalPositioningSummary SolveGlobalPositioning(
       Scaled(*centers, origin, 1 / unit, zero);
   std::vector<Eigen::Vector3d> unit_points =
       Scaled(*points, origin, 1 / unit, zero);
-  const bool has_depth =
-      options.use_depth &&
-      std::any_of(observations.begin(),
-                  observations.end(),
-                  [](const PositioningObservation& observation) {
-                    return observation.log_distance_stddev > 0;
-                  });
-  const auto minimize =
-      has_depth ? MinimizeWithoutScales<1> : MinimizeWithoutScales<0>;
-  const PointMinimizerSummary found = minimize(
-      observations, fixed_camera, options, unit, &unit_centers, &unit_points);
+  const PointMinimizerSummary found = Minimize(observations,
+                                               fixed_camera,
+                                               options,
+                                               body_of_camera,
+                                               &unit_centers,
+                                               &unit_points);
   if (!found.success) {
     summary.message = "the solver found no usable solution";
     return summary;
@@ -330,16 +246,23 @@ GlobalPositioningSummary SolveGlobalPositioning(
   for (size_t k = 0; k < observations.size(); ++k) {
     log_growths[k] -= start_log_distances[k];
   }
-  const double world_from_unit = std::exp(-Median(log_growths));
+  const double world_from_unit =
+      bodies.fix_scale ? unit : std::exp(-Median(log_growths));
   const auto new_centers = Scaled(unit_centers, zero, world_from_unit, origin);
   const auto new_points = Scaled(unit_points, zero, world_from_unit, origin);
   if (!AllFinite(new_centers) || !AllFinite(new_points)) {
     summary.message = "solution is not finite";
     return summary;
   }
+  std::vector<char> has_moved(centers->size(), false);
   for (const PositioningObservation& observation : observations) {
-    (*centers)[observation.camera] = new_centers[observation.camera];
+    has_moved[body_of_camera[observation.camera]] = true;
     (*points)[observation.point] = new_points[observation.point];
+  }
+  for (size_t camera = 0; camera < centers->size(); ++camera) {
+    if (has_moved[body_of_camera[camera]]) {
+      (*centers)[camera] = new_centers[camera];
+    }
   }
   (*centers)[fixed_camera] = origin;
   summary.success = true;

@@ -17,10 +17,6 @@ struct PositioningObservation {
   Eigen::Vector3d ray_in_world = Eigen::Vector3d::UnitZ();
   // Weight of the squared residual [1].
   double weight = 1;
-  // Logarithm of the distance between camera and point by a depth map, and its
-  // standard deviation [1]; 0 = unknown.
-  double log_distance = 0;
-  double log_distance_stddev = 0;
 };
 
 struct GlobalPositioningOptions {
@@ -30,16 +26,6 @@ struct GlobalPositioningOptions {
   double loss_scale = 0.1;
   // Relative decrease of the cost at which the solver stops [1].
   double function_tolerance = 1e-5;
-  // Whether log distances take part, each camera's with a factor of its own.
-  bool use_depth = true;
-  // Error of a ray [sine of angle] that weighs as much as a log distance that
-  // is off by its standard deviation ...
-  double ray_stddev = 0.005;
-  // ... of a camera with this many; more share the weight, since their errors
-  // have causes in common.
-  double max_num_depths = 20;
-  // Standard deviation of the logarithms of the cameras' factors about 0 [1].
-  double log_factor_stddev = 0.05;
   int num_threads = 1;
 
   bool IsValid(std::string* error) const;
@@ -56,19 +42,24 @@ struct GlobalPositioningSummary {
   std::string message;
 };
 
+// Cameras that move together, with the offsets between their centres in the
+// start; by camera, or empty: each moves by itself.
+struct PositioningBodies {
+  std::vector<int> body_of_camera;
+  // Whether these offsets fix the scale, which is free otherwise.
+  bool fix_scale = false;
+};
+
 // Minimises sum w rho(min_alpha |d - alpha (X - c)|^2), alpha >= 0, over the
 // centres c and points X: the scale alpha of each observation is eliminated
 // in closed form (see estimators/optimization/ray_point_residual.h). Points
 // behind a camera do not feel its ray.
 //
-// With `use_depth`, e = log |X - c| - log_distance - b_c adds v rho_c(e /
-// stddev) with a Cauchy loss, and each log factor b_c its prior, to the cost,
-// where v = ray_stddev^2 min(1, max_num_depths / number of the camera's
-// depths). The factors are unknowns, 0 at first.
-//
 // Gauge: centre of fixed_camera constant; the scale is held by the start's
 // damping and restored afterwards: a scaling about the fixed centre makes the
 // median over the observations of log(distance / distance in the start) zero.
+// Bodies that fix the scale leave no scale to restore; the offsets of others
+// are zero.
 // Cameras and points without observations stay where they are.
 //
 // Not successful, centres and points unchanged, without observations or if the
@@ -76,12 +67,13 @@ struct GlobalPositioningSummary {
 // indices out of range, rays that are not unit vectors and weights that are not
 // finite and positive.
 //
-// The same for any number of threads, if scales are eliminated.
+// The same for any number of threads.
 GlobalPositioningSummary SolveGlobalPositioning(
     const std::vector<PositioningObservation>& observations,
     int fixed_camera,
     const GlobalPositioningOptions& options,
     std::vector<Eigen::Vector3d>* centers,
-    std::vector<Eigen::Vector3d>* points);
+    std::vector<Eigen::Vector3d>* points,
+    const PositioningBodies& bodies = {});
 
 }  // namespace dgsfm

@@ -53,6 +53,7 @@ class PointElimination {
 
   // To be filled, one an observation.
   std::vector<Row>& Rows() { return rows_; }
+  const std::vector<Row>& Rows() const { return rows_; }
 
   // The observations of a point are contiguous.
   int PointBegin(int point) const { return index_.PointBegin(point); }

@@ -1,9 +1,5 @@
 #include "estimators/optimization/ray_point_residual.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 namespace dgsfm {
 
 Eigen::Vector3d RayPointResidual(const Eigen::Vector3d& ray,
@@ -24,16 +20,6 @@ Eigen::Vector3d RayPointResidual(const Eigen::Vector3d& ray,
                 norm;
   }
   return residual;
-}
-
-double LogDistance(const Eigen::Vector3d& point_from_center,
-                   Eigen::Vector3d* by_point) {
-  constexpr double kMin = std::numeric_limits<double>::min();
-  if (by_point) {
-    *by_point =
-        point_from_center / std::max(point_from_center.squaredNorm(), kMin);
-  }
-  return std::log(std::max(point_from_center.norm(), kMin));
 }
 
 }  // namespace dgsfm

@@ -28,8 +28,4 @@ Eigen::Vector3d RayPointResidual(const Eigen::Vector3d& ray,
                                  const Eigen::Vector3d& point_from_center,
                                  Eigen::Matrix3d* by_point);
 
-// log |v|, and v / |v|^2, its derivative; |v| is at least the smallest number.
-double LogDistance(const Eigen::Vector3d& point_from_center,
-                   Eigen::Vector3d* by_point);
-
 }  // namespace dgsfm

@@ -81,13 +81,13 @@ void ReducedSystem::SetZero() {
   }
 }
 
-bool ReducedSystem::Solve(const Eigen::VectorXd& rhs,
-                          Eigen::VectorXd* solution) {
+template <typename Columns>
+bool ReducedSystem::Solve(const Columns& right_sides, Columns* solution) {
   if (is_dense_) {
     // In place: what is not set anew is zeroed before the next filling.
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> llt(dense_);
     if (llt.info() != Eigen::Success) return false;
-    *solution = llt.solve(rhs);
+    *solution = llt.solve(right_sides);
   } else if (is_iterative_) {
     Eigen::ConjugateGradient<SparseMatrix,
                              Eigen::Lower,
@@ -95,14 +95,17 @@ bool ReducedSystem::Solve(const Eigen::VectorXd& rhs,
         solver;
     solver.setMaxIterations(kMaxNumConjugateGradientIterations);
     solver.setTolerance(kConjugateGradientTolerance);
-    *solution = solver.compute(sparse_).solve(rhs);
+    *solution = solver.compute(sparse_).solve(right_sides);
     if (solver.info() == Eigen::NumericalIssue) return false;
   } else {
     cholesky_.factorize(sparse_);
     if (cholesky_.info() != Eigen::Success) return false;
-    *solution = cholesky_.solve(rhs);
+    *solution = cholesky_.solve(right_sides);
   }
   return solution->allFinite();
 }
+
+template bool ReducedSystem::Solve(const Eigen::VectorXd&, Eigen::VectorXd*);
+template bool ReducedSystem::Solve(const Eigen::MatrixXd&, Eigen::MatrixXd*);
 
 }  // namespace dgsfm

@@ -35,9 +35,10 @@ class ReducedSystem {
   double* Values() { return is_dense_ ? dense_.data() : sparse_.valuePtr(); }
   void SetZero();
 
-  // False if the matrix is not positive definite.
-  [[nodiscard]] bool Solve(const Eigen::VectorXd& rhs,
-                           Eigen::VectorXd* solution);
+  // One column a right side; vectors and matrices. False if the matrix is not
+  // positive definite.
+  template <typename Columns>
+  [[nodiscard]] bool Solve(const Columns& right_sides, Columns* solution);
 
  private:
   using SparseMatrix = Eigen::SparseMatrix<double>;

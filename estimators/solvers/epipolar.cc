@@ -34,10 +34,10 @@ FundamentalMatrices SolveSevenPoints(
       Eigen::HouseholderQR<Eigen::Matrix<double, 9, 7>>(system).householderQ();
   const Eigen::Matrix3d A = Eigen::Map<const Eigen::Matrix3d>(Q.col(7).data());
   const Eigen::Matrix3d B = Eigen::Map<const Eigen::Matrix3d>(Q.col(8).data());
-  const RealRoots roots = SolveCubic({B.determinant(),
-                                      DeterminantSlope(B, A),
-                                      DeterminantSlope(A, B),
-                                      A.determinant()});
+  const auto roots = FindRealRoots(Polynomial<4>{A.determinant(),
+                                                 DeterminantSlope(A, B),
+                                                 DeterminantSlope(B, A),
+                                                 B.determinant()});
   FundamentalMatrices solutions;
   for (int i = 0; i < roots.count; ++i) {
     const Eigen::Matrix3d F = A + roots.values[i] * B;

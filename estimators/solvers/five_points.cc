@@ -108,29 +108,11 @@ Eigen::Matrix<double, 10, 20> Constraints(const EssentialEntries& E) {
   return constraints;
 }
 
-// Polynomials in z, constant first.
-template <size_t N, size_t M>
-std::array<double, N + M - 1> Multiply(const std::array<double, N>& a,
-                                       const std::array<double, M>& b) {
-  std::array<double, N + M - 1> product{};
-  for (size_t i = 0; i < N; ++i) {
-    for (size_t k = 0; k < M; ++k) product[i + k] += a[i] * b[k];
-  }
-  return product;
-}
-
-template <size_t N>
-double EvaluateAt(const std::array<double, N>& c, double z) {
-  double value = c[N - 1];
-  for (size_t k = N - 1; k-- > 0;) value = value * z + c[k];
-  return value;
-}
-
 // An equation x_part(z) x + y_part(z) y + rest(z) = 0.
 struct Equation {
-  std::array<double, 4> x_part;
-  std::array<double, 4> y_part;
-  std::array<double, 5> rest;
+  Polynomial<4> x_part;
+  Polynomial<4> y_part;
+  Polynomial<5> rest;
 };
 
 // Difference row - z next_row of the eliminated rows with leading monomials m z
@@ -158,29 +140,21 @@ EssentialMatrices SolveFivePoints(
   const Equation l = Cancel(reduced, 6);
   const Equation m = Cancel(reduced, 8);
   // Their determinant, by the minors of the last column.
-  std::array<double, 11> determinant{};
-  const auto add =
-      [&](const Equation& a, const Equation& b, const Equation& c) {
-        const auto plus = Multiply(a.x_part, b.y_part);
-        const auto minus = Multiply(a.y_part, b.x_part);
-        std::array<double, 7> minor;
-        for (size_t i = 0; i < 7; ++i) minor[i] = plus[i] - minus[i];
-        const auto product = Multiply(minor, c.rest);
-        for (size_t i = 0; i < 11; ++i) determinant[i] += product[i];
+  const auto term =
+      [](const Equation& a, const Equation& b, const Equation& c) {
+        return (a.x_part * b.y_part - a.y_part * b.x_part) * c.rest;
       };
-  add(k, l, m);
-  add(l, m, k);
-  add(m, k, l);
+  const Polynomial<11> determinant =
+      term(k, l, m) + term(l, m, k) + term(m, k, l);
 
   EssentialMatrices solutions;
-  constexpr double kMaxRoot = 100;
-  const BracketedRoots roots = FindRealRoots(determinant, kMaxRoot);
+  const auto roots = FindRealRoots(determinant);
   for (int i = 0; i < roots.count; ++i) {
     const double z = roots.values[i];
     const auto at = [z](const Equation& equation) {
-      return Eigen::Vector3d(EvaluateAt(equation.x_part, z),
-                             EvaluateAt(equation.y_part, z),
-                             EvaluateAt(equation.rest, z));
+      return Eigen::Vector3d(Evaluate(equation.x_part, z),
+                             Evaluate(equation.y_part, z),
+                             Evaluate(equation.rest, z));
     };
     const Eigen::Vector3d row1 = at(k);
     const Eigen::Vector3d row2 = at(l);

@@ -14,31 +14,6 @@ namespace {
 // The corners of the sides of a triangle.
 constexpr int kCorners[3][2] = {{0, 1}, {0, 2}, {1, 2}};
 
-template <size_t N>
-using Polynomial = std::array<double, N>;  // c[0] + c[1] x + ...
-
-template <size_t N, size_t M>
-Polynomial<N + M - 1> operator*(const Polynomial<N>& a,
-                                const Polynomial<M>& b) {
-  Polynomial<N + M - 1> product{};
-  for (size_t i = 0; i < N; ++i) {
-    for (size_t j = 0; j < M; ++j) product[i + j] += a[i] * b[j];
-  }
-  return product;
-}
-
-template <size_t N>
-Polynomial<N> operator+(Polynomial<N> a, const Polynomial<N>& b) {
-  for (size_t i = 0; i < N; ++i) a[i] += b[i];
-  return a;
-}
-
-template <size_t N>
-Polynomial<N> operator*(double factor, Polynomial<N> a) {
-  for (double& value : a) value *= factor;
-  return a;
-}
-
 // Adds the model that moves triangle 1 onto triangle 2.
 void AddAligned(const Triangle& triangle1,
                 const Triangle& triangle2,
@@ -103,23 +78,24 @@ struct SideEquations {
     *h = (depths[i] - depths[j]) * (depths[i] - depths[j]);
   }
 
-  // scale and focal lengths in our units, triangle 2 with unit scale.
-  void AddModel(const Triangle& triangle2,
-                double scale,
-                double focal1,
-                double focal2,
+  // Adds the model with these unknowns of (E_k), in these units, if they are
+  // positive.
+  void AddModel(double phi,
+                double sq_scale_times_psi,
+                double sq_scale,
                 TwoViewModels* models) const {
-    Triangle scaled2 = triangle2;
-    for (Eigen::Vector3d& corner : scaled2) corner *= scale * depth_unit1;
-    Triangle triangle1 =
-        LiftTriangle(triplet.points1.data(), triplet.depths1, focal1);
-    for (Eigen::Vector3d& corner : triangle1) corner *= depth_unit1;
-    AddAligned(triangle1,
-               scaled2,
-               scale * depth_unit1 / depth_unit2,
-               focal1 * point_unit1,
-               focal2 * point_unit2,
-               models);
+    const double psi = sq_scale_times_psi / sq_scale;
+    if (!(phi > 0 && psi > 0 && sq_scale > 0)) return;
+    const double scale = std::sqrt(sq_scale) * depth_unit1;
+    const double focal1 = 1 / std::sqrt(phi);
+    const double focal2 = 1 / std::sqrt(psi);
+    AddAligned(
+        LiftTriangle(triplet.points1, triplet.depths1, focal1, depth_unit1),
+        LiftTriangle(triplet.points2, triplet.depths2, focal2, scale),
+        scale / depth_unit2,
+        focal1 * point_unit1,
+        focal2 * point_unit2,
+        models);
   }
 };
 
@@ -182,7 +158,7 @@ void PolishSharedFocal(const SideEquations& sides,
 TwoViewModels SolveP3PScale(const DepthTriplet& triplet) {
   TwoViewModels models;
   const Triangle triangle1 =
-      LiftTriangle(triplet.points1.data(), triplet.depths1, 1);
+      LiftTriangle(triplet.points1, triplet.depths1, 1, 1);
   const Eigen::Vector3d sq_sides((triangle1[0] - triangle1[1]).squaredNorm(),
                                  (triangle1[0] - triangle1[2]).squaredNorm(),
                                  (triangle1[1] - triangle1[2]).squaredNorm());
@@ -202,21 +178,17 @@ TwoViewModels SolveP3PScale(const DepthTriplet& triplet) {
       (d23 - d13) * A + Polynomial<3>{d12 * dots(0, 0), 0, -d12 * dots(1, 1)};
   const Polynomial<2> Q = {2 * d12 * dots(0, 2), -2 * d12 * dots(1, 2)};
   const Polynomial<3> QQ = Q * Q;
-  const Polynomial<4> PQ = P * Q;
   const Polynomial<5> quartic =
-      QQ * (Polynomial<3>{d12 * dots(0, 0), 0, 0} + (-d13) * A) +
+      QQ * (Polynomial<3>{d12 * dots(0, 0), 0, 0} - d13 * A) +
       (d12 * dots(2, 2)) * (P * P) +
-      (-2 * d12 * dots(0, 2)) * Polynomial<5>{PQ[0], PQ[1], PQ[2], PQ[3], 0};
-  const RealRoots roots = SolveQuartic(
-      {quartic[4], quartic[3], quartic[2], quartic[1], quartic[0]});
-
+      (-2 * d12 * dots(0, 2)) * (P * Q * Polynomial<2>{1, 0});
+  const auto roots = FindRealRoots(quartic);
   for (int i = 0; i < roots.count; ++i) {
     const double u = roots.values[i];
-    const double v = (P[0] + u * (P[1] + u * P[2])) / (Q[0] + u * Q[1]);
-    const double ratio = A[0] + u * (A[1] + u * A[2]);
+    const double v = Evaluate(P, u) / Evaluate(Q, u);
+    const double ratio = Evaluate(A, u);
     if (!(u > 0 && v > 0 && ratio > 0)) continue;
-    const double z1 = std::sqrt(d12 / ratio);
-    Eigen::Vector3d z(z1, u * z1, v * z1);
+    Eigen::Vector3d z = std::sqrt(d12 / ratio) * Eigen::Vector3d(1, u, v);
     PolishDepths(dots, sq_sides, &z);
     if (!(z.minCoeff() > 0)) continue;
     double log_scale = 0;
@@ -240,17 +212,7 @@ TwoViewModels SolveTwoFocals(const DepthTriplet& triplet) {
   }
   const Eigen::Vector3d solution = coefficients.inverse() * constants;
   TwoViewModels models;
-  const double phi = solution(0);
-  const double sq_scale = solution(2);
-  const double psi = solution(1) / sq_scale;
-  if (!(phi > 0 && psi > 0 && sq_scale > 0)) return models;
-  const double focal2 = 1 / std::sqrt(psi);
-  sides.AddModel(
-      LiftTriangle(sides.triplet.points2.data(), sides.triplet.depths2, focal2),
-      std::sqrt(sq_scale),
-      1 / std::sqrt(phi),
-      focal2,
-      &models);
+  sides.AddModel(solution(0), solution(1), solution(2), &models);
   return models;
 }
 
@@ -260,29 +222,19 @@ TwoViewModels SolveOneSidedFocal(const DepthTriplet& triplet) {
   Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
   Eigen::Vector2d right = Eigen::Vector2d::Zero();
   for (int k = 0; k < 3; ++k) {
-    const double length = sides.g1[k] * phi + sides.h1[k];
-    const Eigen::Vector2d row =
-        Eigen::Vector2d(sides.g2[k], sides.h2[k]) * (1 / length);
+    const Eigen::Vector2d row = Eigen::Vector2d(sides.g2[k], sides.h2[k]) /
+                                (sides.g1[k] * phi + sides.h1[k]);
     normal += row * row.transpose();
     right += row;
   }
   const Eigen::Vector2d solution = normal.inverse() * right;
   TwoViewModels models;
-  const double sq_scale = solution(1);
-  const double psi = solution(0) / sq_scale;
-  if (!(psi > 0 && sq_scale > 0)) return models;
-  const double focal2 = 1 / std::sqrt(psi);
-  sides.AddModel(
-      LiftTriangle(sides.triplet.points2.data(), sides.triplet.depths2, focal2),
-      std::sqrt(sq_scale),
-      1 / sides.point_unit1,
-      focal2,
-      &models);
+  sides.AddModel(phi, solution(0), solution(1), &models);
   return models;
 }
 
 TwoViewModels SolveSharedFocal(const DepthTriplet& triplet) {
-  const SideEquations sides(triplet, /*shared_point_unit=*/true);
+  SideEquations sides(triplet, /*shared_point_unit=*/true);
   const auto& y = sides.triplet.points2;
   const double b1 = sides.triplet.depths2[0];
   const double b2 = sides.triplet.depths2[1];
@@ -302,34 +254,26 @@ TwoViewModels SolveSharedFocal(const DepthTriplet& triplet) {
   const Polynomial<2> sq_range1 = {b1 * b1, b1 * b1 * m1};
   const Polynomial<2> sq_range2 = {b2 * b2, b2 * b2 * m2};
   const Polynomial<2> D = {2 * (b1 - b2), 2 * (b1 * m13 - b2 * m23)};
-  const Polynomial<3> N = L * (sq_range1 + (-1.0) * sq_range2) +
-                          (-1.0) * (M * (E13 + (-1.0) * E23));
+  const Polynomial<3> N = L * (sq_range1 - sq_range2) - M * (E13 - E23);
   const Polynomial<3> LD = L * D;
-  const Polynomial<6> quintic =
-      LD * ((E13 * M) * D + (-1.0) * (sq_range1 * LD)) +
-      (2 * b1) * ((N * LD) * Polynomial<2>{1, m13}) +
-      (-1.0) * ((N * N) * Polynomial<2>{1, m3});
+  const Polynomial<6> quintic = LD * (E13 * M * D - sq_range1 * LD) +
+                                (2 * b1) * (N * LD * Polynomial<2>{1, m13}) -
+                                N * N * Polynomial<2>{1, m3};
   // phi = 0 is always a root (infinite focal length): divide it out.
-  const RealRoots roots = SolveQuartic(
-      {quintic[5], quintic[4], quintic[3], quintic[2], quintic[1]});
-
+  const auto roots = FindRealRoots(Polynomial<5>{
+      quintic[1], quintic[2], quintic[3], quintic[4], quintic[5]});
   TwoViewModels models;
   for (int i = 0; i < roots.count; ++i) {
     const double phi = roots.values[i];
-    if (!(phi > 0)) continue;
-    const double sq_scale = (L[0] + L[1] * phi) / (M[0] + M[1] * phi);
-    const double depth3 = (N[0] + phi * (N[1] + phi * N[2])) /
-                          (LD[0] + phi * (LD[1] + phi * LD[2]));
-    if (!(sq_scale > 0 && depth3 > 0)) continue;
-    Eigen::Vector3d unknowns(phi, sq_scale, depth3);
-    PolishSharedFocal(sides, m3, m13, m23, &unknowns);
+    const double sq_scale = Evaluate(L, phi) / Evaluate(M, phi);
+    Eigen::Vector3d unknowns(
+        phi, sq_scale, Evaluate(N, phi) / Evaluate(LD, phi));
     if (!(unknowns.minCoeff() > 0)) continue;
-    const double focal = 1 / std::sqrt(unknowns(0));
-    sides.AddModel(LiftTriangle(y.data(), {b1, b2, unknowns(2)}, focal),
-                   std::sqrt(unknowns(1)),
-                   focal,
-                   focal,
-                   &models);
+    PolishSharedFocal(sides, m3, m13, m23, &unknowns);
+    if (!(unknowns(2) > 0)) continue;
+    sides.triplet.depths2[2] = unknowns(2);
+    sides.AddModel(
+        unknowns(0), unknowns(1) * unknowns(0), unknowns(1), &models);
   }
   return models;
 }

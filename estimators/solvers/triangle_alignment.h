@@ -12,14 +12,15 @@ namespace dgsfm {
 
 using Triangle = std::array<Eigen::Vector3d, 3>;
 
-// Corners at depth * (x / focal, 1).
-inline Triangle LiftTriangle(const Eigen::Vector2d* points,
+// Corners at scale * depth * (x / focal, 1).
+inline Triangle LiftTriangle(const std::array<Eigen::Vector2d, 3>& points,
                              const std::array<double, 3>& depths,
-                             double focal) {
-  const double inverse_focal = 1 / focal;
+                             double focal,
+                             double scale) {
   Triangle triangle;
   for (int i = 0; i < 3; ++i) {
-    triangle[i] << points[i] * (depths[i] * inverse_focal), depths[i];
+    const double depth = scale * depths[i];
+    triangle[i] << points[i] * (depth / focal), depth;
   }
   return triangle;
 }

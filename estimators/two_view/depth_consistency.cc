@@ -1,6 +1,7 @@
 #include "estimators/two_view/depth_consistency.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/option_check.h"
 #include "estimators/two_view/two_view_residuals.h"
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 namespace dgsfm {
 namespace {
 
+// Depth maps mark holes by zero, infinity or NaN.
 bool IsUsable(double depth) { return depth > 0 && std::isfinite(depth); }
 
 // Distance [px] of the matched image point from the projections of the
@@ -25,6 +27,7 @@ double DistanceToDepthRange(const Transfer& transfer,
   };
   const Eigen::Vector2d begin = error_at(-depth_error_ratio);
   const Eigen::Vector2d segment = error_at(depth_error_ratio) - begin;
+  // A tolerance of zero leaves a segment without length.
   const double along =
       -begin.dot(segment) / std::max(segment.squaredNorm(), 1e-300);
   return (begin + std::min(std::max(along, 0.0), 1.0) * segment).norm();
@@ -33,18 +36,10 @@ double DistanceToDepthRange(const Transfer& transfer,
 }  // namespace
 
 bool DepthConsistencyOptions::IsValid(std::string* error) const {
-  bool ok = true;
-  const auto check = [&](double value, const char* name) {
-    if (value > 0) return;
-    ok = false;
-    if (error) {
-      *error +=
-          std::string(name) + " = " + std::to_string(value) + " must be > 0\n";
-    }
-  };
-  check(max_reprojection_error_px, "max_reprojection_error_px");
-  check(max_depth_error_ratio, "max_depth_error_ratio");
-  return ok;
+  return OptionBounds(error)
+      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
+      .Above("max_depth_error_ratio", max_depth_error_ratio, 0)
+      .AreKept();
 }
 
 std::vector<DepthVerdict> CheckDepthConsistency(
@@ -70,38 +65,34 @@ std::vector<DepthVerdict> CheckDepthConsistency(
   model.focal1 = focal_length1_px;
   model.focal2 = focal_length2_px;
 
-  const double depth_tolerance =
-      options.tolerate_depth_error ? options.max_depth_error_ratio : 0;
-  const auto passes = [&](const Transfer& transfer, double focal_length_px) {
-    return DistanceToDepthRange(transfer, focal_length_px, depth_tolerance) <
-               options.max_reprojection_error_px &&
+  // Whether the point of one view lands near the other, at the right depth.
+  const auto passes = [&options](const TwoViewModel& from_to,
+                                 const Eigen::Vector2d& x1,
+                                 double depth1,
+                                 const Eigen::Vector2d& x2,
+                                 double depth2) {
+    Transfer transfer;
+    return TransferMatch(from_to, x1, depth1, x2, depth2, &transfer) &&
+           DistanceToDepthRange(transfer,
+                                from_to.focal2,
+                                options.tolerate_depth_error
+                                    ? options.max_depth_error_ratio
+                                    : 0) < options.max_reprojection_error_px &&
            std::abs(std::expm1(transfer.log_depth_ratio)) <
                options.max_depth_error_ratio;
   };
+  const TwoViewModel inverse = model.Inverse();
   std::vector<DepthVerdict> verdicts(size, DepthVerdict::UNTESTED);
   for (size_t i = 0; i < size; ++i) {
-    if (!IsUsable(matches.depths1[i]) || !IsUsable(matches.depths2[i])) {
-      continue;
-    }
-    Transfer forward, backward;
-    const auto transfer = [&](TransferDirection direction, Transfer* result) {
-      return TransferMatch(direction,
-                           model,
-                           matches.points1[i],
-                           matches.depths1[i],
-                           matches.points2[i],
-                           matches.depths2[i],
-                           result);
-    };
-    if (!transfer(TransferDirection::FORWARD, &forward) ||
-        !transfer(TransferDirection::BACKWARD, &backward)) {
-      verdicts[i] = DepthVerdict::INCONSISTENT;
-    } else {
-      const bool consistent =
-          passes(forward, model.focal2) && passes(backward, model.focal1);
-      verdicts[i] =
-          consistent ? DepthVerdict::CONSISTENT : DepthVerdict::INCONSISTENT;
-    }
+    const Eigen::Vector2d& x1 = matches.points1[i];
+    const Eigen::Vector2d& x2 = matches.points2[i];
+    const double depth1 = matches.depths1[i];
+    const double depth2 = matches.depths2[i];
+    if (!IsUsable(depth1) || !IsUsable(depth2)) continue;
+    verdicts[i] = passes(model, x1, depth1, x2, depth2) &&
+                          passes(inverse, x2, depth2, x1, depth1)
+                      ? DepthVerdict::CONSISTENT
+                      : DepthVerdict::INCONSISTENT;
   }
   return verdicts;
 }

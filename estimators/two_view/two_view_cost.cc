@@ -9,27 +9,31 @@ namespace {
 
 double Square(double x) { return x * x; }
 
-// The lower triangle of matrix += left right^T, from a column on.
-template <int kColumn = 0, int kSize>
+// The lower triangle of the first rows and columns of matrix += left right^T.
+// Unrolled over columns: it takes most of the time of an iteration.
+template <int kColumn = 0, int kSize, typename Matrix>
 void AddLowerProduct(const Eigen::Matrix<double, kSize, 1>& left,
                      const Eigen::Matrix<double, kSize, 1>& right,
-                     Eigen::Matrix<double, kSize, kSize>* matrix) {
+                     Matrix* matrix) {
   if constexpr (kColumn < kSize) {
-    matrix->col(kColumn).template tail<kSize - kColumn>() +=
+    matrix->col(kColumn).template segment<kSize - kColumn>(kColumn) +=
         right(kColumn) * left.template tail<kSize - kColumn>();
     AddLowerProduct<kColumn + 1>(left, right, matrix);
   }
 }
 
-void AddRow(const TwoViewStep& row,
+// Row of the Jacobian by the first parameters.
+template <int kSize>
+void AddRow(const Eigen::Matrix<double, kSize, 1>& row,
             double residual,
             double weight,
             NormalEquations* normal) {
-  AddLowerProduct(row, TwoViewStep(weight * row), &normal->matrix);
-  normal->gradient += (weight * residual) * row;
+  const Eigen::Matrix<double, kSize, 1> weighted = weight * row;
+  AddLowerProduct(row, weighted, &normal->matrix);
+  normal->gradient.template head<kSize>() += residual * weighted;
 }
 
-// Sum of robustified squares.
+// Sum of robustified squares. Squares are normalised by the truncation.
 class LossSum {
  public:
   LossSum(TwoViewLoss loss, double max_sq_error)
@@ -37,38 +41,22 @@ class LossSum {
 
   // Returns the derivative of the robustified square.
   double Add(double sq_error) {
-    if (loss_ == TwoViewLoss::CAUCHY) {
-      const double ratio = sq_error / max_sq_error_;
-      sum_ += max_sq_error_ * std::log1p(ratio);
-      return 1 / (1 + ratio);
-    }
-    const bool is_inlier = sq_error < max_sq_error_;
+    const double ratio = sq_error / max_sq_error_;
+    const bool is_inlier = ratio < 1 || loss_ == TwoViewLoss::CAUCHY;
     if (loss_ == TwoViewLoss::TRUNCATED_SQUARES) {
-      sum_ += is_inlier ? sq_error : max_sq_error_;
+      total_ += is_inlier ? sq_error : max_sq_error_;
       return is_inlier ? 1 : 0;
     }
-    // Factors are at most 2, so that one logarithm serves many.
-    const double factor = is_inlier ? 1 + sq_error / max_sq_error_ : 2;
-    product_ *= factor;
-    if (product_ > std::numeric_limits<double>::max() / 2) Flush();
-    return is_inlier ? 1 / factor : 0;
+    total_ += max_sq_error_ * (is_inlier ? std::log1p(ratio) : M_LN2);
+    return is_inlier ? 1 / (1 + ratio) : 0;
   }
 
-  double Total() {
-    if (loss_ == TwoViewLoss::TRUNCATED_CAUCHY) Flush();
-    return sum_;
-  }
+  double Total() const { return total_; }
 
  private:
-  void Flush() {
-    sum_ += max_sq_error_ * std::log(product_);
-    product_ = 1;
-  }
-
   const TwoViewLoss loss_;
   const double max_sq_error_;
-  double sum_ = 0;
-  double product_ = 1;
+  double total_ = 0;
 };
 
 }  // namespace
@@ -83,11 +71,11 @@ TwoViewCostFunction::TwoViewCostFunction(const TwoViewData& data,
       reprojection_weight_(options.max_epipolar_error_px * inverse_stddev_ /
                            options.max_reprojection_error_px) {
   if (!HasFields()) return;
-  for (int i = 0; i < data.Size(); ++i) {
-    basis1_.push_back(EvaluateDepthFieldBasis(data.points1[i] /
-                                              options.depth_field_unit1_px));
-    basis2_.push_back(EvaluateDepthFieldBasis(data.points2[i] /
-                                              options.depth_field_unit2_px));
+  for (const TwoViewMatch& match : data) {
+    basis1_.push_back(
+        EvaluateDepthFieldBasis(match.x1 / options.depth_field_unit1_px));
+    basis2_.push_back(
+        EvaluateDepthFieldBasis(match.x2 / options.depth_field_unit2_px));
   }
 }
 
@@ -96,42 +84,35 @@ TwoViewCost TwoViewCostFunction::Linearize(const TwoViewModel& model,
                                            NormalEquations* normal) {
   normal->matrix.setZero();
   normal->gradient.setZero();
-  if (HasFields()) {
-    normal->field_matrix.setZero();
-    normal->field_gradient.setZero();
-    normal->cross.setZero();
-  }
-  TwoViewCost cost;
-  AddEpipolar(model, &cost, normal);
-  if (options_.depth_term == DepthTerm::WHITENED) {
-    LinearizeWhitened(model, fields, &cost, normal);
-  } else if (options_.depth_term == DepthTerm::REPROJECTION) {
-    AddReprojection(TransferDirection::FORWARD, model, &cost, normal);
-    AddReprojection(TransferDirection::BACKWARD, model, &cost, normal);
-  }
-  AddPriors(model, fields, &cost, normal);
+  const TwoViewCost cost = Sum(model, fields, normal);
   normal->matrix.triangularView<Eigen::StrictlyUpper>() =
       normal->matrix.transpose();
   return cost;
 }
 
 TwoViewCost TwoViewCostFunction::Evaluate(const TwoViewModel& model,
-                                          const DepthFields& fields) const {
-  TwoViewCost cost;
-  AddEpipolar(model, &cost, nullptr);
-  if (options_.depth_term == DepthTerm::WHITENED) {
-    AddWhitened(model, fields, &cost);
-  } else if (options_.depth_term == DepthTerm::REPROJECTION) {
-    AddReprojection(TransferDirection::FORWARD, model, &cost, nullptr);
-    AddReprojection(TransferDirection::BACKWARD, model, &cost, nullptr);
-  }
-  AddPriors(model, fields, &cost, nullptr);
-  return cost;
+                                          const DepthFields& fields) {
+  return Sum(model, fields, nullptr);
 }
 
 TwoViewCost TwoViewCostFunction::EvaluateDepth(const TwoViewModel& model) {
   TwoViewCost cost;
-  LinearizeWhitened(model, DepthFields::Zero(), &cost, nullptr);
+  AddWhitened(model, DepthFields::Zero(), /*whiten=*/true, &cost, nullptr);
+  return cost;
+}
+
+TwoViewCost TwoViewCostFunction::Sum(const TwoViewModel& model,
+                                     const DepthFields& fields,
+                                     NormalEquations* normal) {
+  TwoViewCost cost;
+  AddEpipolar(model, &cost, normal);
+  if (options_.depth_term == DepthTerm::WHITENED) {
+    // Costs compare only under one whitening: that of the linearisation.
+    AddWhitened(model, fields, /*whiten=*/normal != nullptr, &cost, normal);
+  } else if (options_.depth_term == DepthTerm::REPROJECTION) {
+    AddReprojection(model, &cost, normal);
+  }
+  AddPriors(model, fields, &cost, normal);
   return cost;
 }
 
@@ -145,14 +126,16 @@ TwoViewCostFunction::Whitening TwoViewCostFunction::WhitenAt(
     const TwoViewModel& model,
     const Eigen::Matrix3d& F,
     const Transfer& transfer,
-    int i) const {
+    const TwoViewMatch& match) const {
+  // How the transferred point and the log of its depth move with the log of the
+  // depth in map 1.
   const double inverse_z = 1 / transfer.point.z();
   const double log_z_slope = transfer.ray.z() * inverse_z;
   const Eigen::Vector2d shift =
       model.focal2 * inverse_z *
       (transfer.ray.head<2>() - transfer.point.head<2>() * log_z_slope);
   const Eigen::Vector2d line =
-      F.topLeftCorner<2, 2>() * data_.points1[i] + F.block<2, 1>(0, 2);
+      F.topLeftCorner<2, 2>() * match.x1 + F.block<2, 1>(0, 2);
   const double length = line.norm();
   Whitening whitening;
   // Without translation there is no line and every direction is as good.
@@ -163,7 +146,9 @@ TwoViewCostFunction::Whitening TwoViewCostFunction::WhitenAt(
   whitening.slope = log_z_slope;
   const double shift_stddev = whitening.shift * options_.log_depth_stddev;
   const double slope_stddev = log_z_slope * options_.log_depth_stddev;
-  const double l11 = std::sqrt(data_.Variance(i) * Square(options_.stddev_px) +
+  // Cholesky factor of the 2 x 2 covariance, whose second variance is at least
+  // that of map 2: rounding must not make it less.
+  const double l11 = std::sqrt(match.Variance() * Square(options_.stddev_px) +
                                Square(shift_stddev));
   const double l21 = shift_stddev * slope_stddev / l11;
   const double l22 =
@@ -186,8 +171,8 @@ void TwoViewCostFunction::AddEpipolar(const TwoViewModel& model,
   Eigen::Matrix3d slope;
   const double sq_inverse_stddev = Square(inverse_stddev_);
   LossSum sum(options_.loss, max_sq_epipolar_);
-  for (int i = 0; i < data_.Size(); ++i) {
-    const double error = data_.Sampson(F, i, normal ? &slope : nullptr);
+  for (const TwoViewMatch& match : data_) {
+    const double error = match.Sampson(F, normal ? &slope : nullptr);
     double weight = sum.Add(Square(error) * sq_inverse_stddev);
     if (!normal || weight == 0) continue;
     weight *= sq_inverse_stddev;
@@ -199,41 +184,52 @@ void TwoViewCostFunction::AddEpipolar(const TwoViewModel& model,
   if (!normal) return;
   const auto chain = FundamentalMatrixJacobian(model);
   matrix.triangularView<Eigen::StrictlyUpper>() = matrix.transpose();
-  normal->matrix +=
+  normal->matrix.topLeftCorner<kNumTwoViewParams, kNumTwoViewParams>() +=
       chain.transpose().lazyProduct(matrix.lazyProduct(chain).eval());
-  normal->gradient += chain.transpose() * gradient;
+  normal->gradient.head<kNumTwoViewParams>() += chain.transpose() * gradient;
 }
 
 bool TwoViewCostFunction::Forward(const TwoViewModel& model,
                                   const DepthFields& fields,
                                   int i,
                                   Transfer* transfer) const {
-  if (!HasFields()) return data_.Forward(model, i, transfer);
+  const TwoViewMatch& match = data_[i];
+  if (!HasFields()) return match.Forward(model, transfer);
   return TransferMatch(
-      TransferDirection::FORWARD,
       model,
-      data_.points1[i],
-      data_.depths1[i] *
+      match.x1,
+      match.depth1 *
           std::exp(-basis1_[i].dot(fields.head<kNumDepthFieldTerms>())),
-      data_.points2[i],
-      data_.depths2[i] *
+      match.x2,
+      match.depth2 *
           std::exp(-basis2_[i].dot(fields.tail<kNumDepthFieldTerms>())),
       transfer);
 }
 
 void TwoViewCostFunction::AddWhitened(const TwoViewModel& model,
                                       const DepthFields& fields,
-                                      TwoViewCost* cost) const {
+                                      bool whiten,
+                                      TwoViewCost* cost,
+                                      NormalEquations* normal) {
+  const Eigen::Matrix3d F = model.FundamentalMatrix();
+  if (whiten) whitenings_.assign(data_.size(), Whitening());
   LossSum sum(options_.loss, max_sq_depth_);
-  for (int i = 0; i < data_.Size(); ++i) {
-    if (!data_.HasDepths(i)) continue;
+  for (size_t i = 0; i < data_.size(); ++i) {
+    if (!data_[i].HasDepths()) continue;
     Transfer transfer;
-    if (whitenings_[i].w11 == 0 || !Forward(model, fields, i, &transfer)) {
+    const bool in_front = Forward(model, fields, i, &transfer);
+    if (whiten && in_front) {
+      whitenings_[i] = WhitenAt(model, F, transfer, data_[i]);
+    }
+    // Twice the truncation is an outlier under every loss.
+    if (!in_front || whitenings_[i].w11 == 0) {
       sum.Add(2 * max_sq_depth_);
       continue;
     }
     const double weight = sum.Add(whitenings_[i](transfer).squaredNorm());
-    cost->num_depth_inliers += weight != 0;
+    if (weight == 0) continue;
+    ++cost->num_depth_inliers;
+    if (normal) AddWhitenedRows(i, model, transfer, weight, normal);
   }
   cost->depth += sum.Total();
 }
@@ -245,100 +241,55 @@ void TwoViewCostFunction::AddWhitenedRows(int i,
                                           NormalEquations* normal) const {
   const Whitening& whitening = whitenings_[i];
   const Eigen::Vector2d residual = whitening(transfer);
-  const TwoViewStep row1 = TransferGradient(TransferDirection::FORWARD,
-                                            model,
-                                            transfer,
-                                            whitening.w11 * whitening.direction,
-                                            0);
-  const TwoViewStep row2 = TransferGradient(TransferDirection::FORWARD,
-                                            model,
-                                            transfer,
-                                            whitening.w21 * whitening.direction,
-                                            whitening.w22);
-  AddRow(row1, residual(0), weight, normal);
-  AddRow(row2, residual(1), weight, normal);
-  if (!HasFields()) return;
-  // The rows by the fields are (slope1 basis1, 0) and (slope2 basis1,
-  // w22 basis2).
-  const DepthFieldBasis& basis1 = basis1_[i];
-  const DepthFieldBasis& basis2 = basis2_[i];
+  const TwoViewStep row1 =
+      TransferGradient(model, transfer, whitening.w11 * whitening.direction, 0);
+  const TwoViewStep row2 = TransferGradient(
+      model, transfer, whitening.w21 * whitening.direction, whitening.w22);
+  if (!HasFields()) {
+    AddRow(row1, residual(0), weight, normal);
+    AddRow(row2, residual(1), weight, normal);
+    return;
+  }
+  // The field of map 1 moves the transferred point, that of map 2 the depth it
+  // is compared with.
   const double slope1 = -whitening.w11 * whitening.shift;
   const double slope2 =
       -(whitening.w21 * whitening.shift + whitening.w22 * whitening.slope);
-  const DepthFieldBasis square1 =
-      (weight * (Square(slope1) + Square(slope2))) * basis1;
-  const DepthFieldBasis mixed = (weight * slope2 * whitening.w22) * basis2;
-  const DepthFieldBasis square2 = (weight * Square(whitening.w22)) * basis2;
-  const TwoViewStep cross1 = weight * (slope1 * row1 + slope2 * row2);
-  const TwoViewStep cross2 = (weight * whitening.w22) * row2;
-  for (int k = 0; k < kNumDepthFieldTerms; ++k) {
-    normal->field_matrix.col(k).head<kNumDepthFieldTerms>() +=
-        basis1(k) * square1;
-    normal->field_matrix.col(k).tail<kNumDepthFieldTerms>() +=
-        basis1(k) * mixed;
-    normal->field_matrix.col(kNumDepthFieldTerms + k)
-        .tail<kNumDepthFieldTerms>() += basis2(k) * square2;
-    normal->cross.col(k) += basis1(k) * cross1;
-    normal->cross.col(kNumDepthFieldTerms + k) += basis2(k) * cross2;
-  }
-  normal->field_gradient.head<kNumDepthFieldTerms>() +=
-      (weight * (slope1 * residual(0) + slope2 * residual(1))) * basis1;
-  normal->field_gradient.tail<kNumDepthFieldTerms>() +=
-      (weight * whitening.w22 * residual(1)) * basis2;
+  Eigen::Matrix<double, kNumCostParams, 1> row;
+  row << row1, slope1 * basis1_[i], DepthFieldBasis::Zero();
+  AddRow(row, residual(0), weight, normal);
+  row << row2, slope2 * basis1_[i], whitening.w22 * basis2_[i];
+  AddRow(row, residual(1), weight, normal);
 }
 
-void TwoViewCostFunction::LinearizeWhitened(const TwoViewModel& model,
-                                            const DepthFields& fields,
-                                            TwoViewCost* cost,
-                                            NormalEquations* normal) {
-  const Eigen::Matrix3d F = model.FundamentalMatrix();
-  whitenings_.assign(data_.Size(), Whitening());
-  LossSum sum(options_.loss, max_sq_depth_);
-  for (int i = 0; i < data_.Size(); ++i) {
-    if (!data_.HasDepths(i)) continue;
-    Transfer transfer;
-    if (!Forward(model, fields, i, &transfer)) {
-      sum.Add(2 * max_sq_depth_);
-      continue;
-    }
-    whitenings_[i] = WhitenAt(model, F, transfer, i);
-    const double weight = sum.Add(whitenings_[i](transfer).squaredNorm());
-    if (weight == 0) continue;
-    ++cost->num_depth_inliers;
-    if (normal) AddWhitenedRows(i, model, transfer, weight, normal);
-  }
-  cost->depth += sum.Total();
-}
-
-void TwoViewCostFunction::AddReprojection(TransferDirection direction,
-                                          const TwoViewModel& model,
+void TwoViewCostFunction::AddReprojection(const TwoViewModel& model,
                                           TwoViewCost* cost,
                                           NormalEquations* normal) const {
   LossSum sum(options_.loss, max_sq_epipolar_);
-  for (int i = 0; i < data_.Size(); ++i) {
-    if (!data_.HasDepths(i)) continue;
-    Transfer transfer;
-    if (!TransferMatch(direction,
-                       model,
-                       data_.points1[i],
-                       data_.depths1[i],
-                       data_.points2[i],
-                       data_.depths2[i],
-                       &transfer)) {
-      continue;
-    }
-    const Eigen::Vector2d residual = reprojection_weight_ * transfer.error_px;
-    const double weight = sum.Add(residual.squaredNorm());
-    if (weight == 0) continue;
-    ++cost->num_depth_inliers;
-    if (!normal) continue;
-    for (int k = 0; k < 2; ++k) {
-      const Eigen::Vector2d axis =
-          reprojection_weight_ * Eigen::Vector2d::Unit(k);
-      AddRow(TransferGradient(direction, model, transfer, axis, 0),
-             residual(k),
-             weight,
-             normal);
+  for (const bool forward : {true, false}) {
+    const TwoViewModel from_to = forward ? model : model.Inverse();
+    const TwoViewMatrix chain =
+        forward ? TwoViewMatrix::Identity() : InverseJacobian(model);
+    for (const TwoViewMatch& match : data_) {
+      Transfer transfer;
+      if (!match.HasDepths() ||
+          !(forward ? match : match.Swapped()).Forward(from_to, &transfer)) {
+        continue;
+      }
+      const Eigen::Vector2d residual = reprojection_weight_ * transfer.error_px;
+      const double weight = sum.Add(residual.squaredNorm());
+      if (weight == 0) continue;
+      ++cost->num_depth_inliers;
+      if (!normal) continue;
+      for (int k = 0; k < 2; ++k) {
+        const TwoViewStep row =
+            chain.transpose() *
+            TransferGradient(from_to,
+                             transfer,
+                             reprojection_weight_ * Eigen::Vector2d::Unit(k),
+                             0);
+        AddRow(row, residual(k), weight, normal);
+      }
     }
   }
   cost->depth += sum.Total();
@@ -348,6 +299,8 @@ void TwoViewCostFunction::AddPriors(const TwoViewModel& model,
                                     const DepthFields& fields,
                                     TwoViewCost* cost,
                                     NormalEquations* normal) const {
+  // Priors are not robust: they hold what the matches leave open, and matches
+  // that determine a focal length outweigh them.
   const auto add = [&](const FocalPrior& prior, double focal, int param) {
     if (prior.log_stddev == 0) return;
     const double weight = 1 / Square(prior.log_stddev);
@@ -363,8 +316,9 @@ void TwoViewCostFunction::AddPriors(const TwoViewModel& model,
   const double field_weight = 1 / Square(options_.depth_field_stddev);
   cost->prior += field_weight * fields.squaredNorm();
   if (!normal) return;
-  normal->field_matrix.diagonal().array() += field_weight;
-  normal->field_gradient += field_weight * fields;
+  normal->matrix.diagonal().tail<2 * kNumDepthFieldTerms>().array() +=
+      field_weight;
+  normal->gradient.tail<2 * kNumDepthFieldTerms>() += field_weight * fields;
 }
 
 }  // namespace dgsfm

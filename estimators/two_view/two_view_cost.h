@@ -46,18 +46,19 @@ enum class TwoViewLoss {
 // each residual truncated by itself, so that a wrong depth does not cost the
 // match its epipolar information. Points behind the cameras pay the full
 // truncation.
+// Fields without a default depend on the pair: see TwoViewProblem::CostOptions.
 struct TwoViewCostOptions {
   DepthTerm depth_term = DepthTerm::WHITENED;
   // Noise of an image point [px].
-  double stddev_px = 0.5;
+  double stddev_px;
   // Noise of log depth, each map [1].
   double log_depth_stddev = 0.1;
   // Truncation of the Sampson error [px] and of the whitened depth term [1].
-  double max_epipolar_error_px = 1;
+  double max_epipolar_error_px;
   double max_depth_residual = 3;
   // Truncation of the transfer error in DepthTerm::REPROJECTION [px], at
   // which it costs as much as a Sampson error of max_epipolar_error_px.
-  double max_reprojection_error_px = 16;
+  double max_reprojection_error_px;
   TwoViewLoss loss = TwoViewLoss::TRUNCATED_SQUARES;
   FocalPrior focal_prior1;
   FocalPrior focal_prior2;
@@ -65,8 +66,8 @@ struct TwoViewCostOptions {
   // no such errors; with DepthTerm::WHITENED only.
   double depth_field_stddev = 0;
   // Lengths in which they are about one over the image [px].
-  double depth_field_unit1_px = 1;
-  double depth_field_unit2_px = 1;
+  double depth_field_unit1_px;
+  double depth_field_unit2_px;
 };
 
 struct TwoViewCost {
@@ -79,18 +80,12 @@ struct TwoViewCost {
   double Total() const { return epipolar + depth + prior; }
 };
 
-using TwoViewMatrix =
-    Eigen::Matrix<double, kNumTwoViewParams, kNumTwoViewParams>;
+// The parameters of the model, then those of the depth fields.
+constexpr int kNumCostParams = kNumTwoViewParams + 2 * kNumDepthFieldTerms;
 
 struct NormalEquations {
-  TwoViewMatrix matrix = TwoViewMatrix::Zero();
-  TwoViewStep gradient = TwoViewStep::Zero();
-  // Blocks of the depth fields (the lower triangle), and between them and the
-  // model.
-  Eigen::Matrix<double, 2 * kNumDepthFieldTerms, 2 * kNumDepthFieldTerms>
-      field_matrix;
-  DepthFields field_gradient;
-  Eigen::Matrix<double, kNumTwoViewParams, 2 * kNumDepthFieldTerms> cross;
+  Eigen::Matrix<double, kNumCostParams, kNumCostParams> matrix;
+  Eigen::Matrix<double, kNumCostParams, 1> gradient;
 };
 
 // Keeps references to its arguments.
@@ -104,8 +99,7 @@ class TwoViewCostFunction {
   TwoViewCost Linearize(const TwoViewModel& model,
                         const DepthFields& fields,
                         NormalEquations* normal);
-  TwoViewCost Evaluate(const TwoViewModel& model,
-                       const DepthFields& fields) const;
+  TwoViewCost Evaluate(const TwoViewModel& model, const DepthFields& fields);
 
   // The whitened depth term alone, whitened at this model.
   TwoViewCost EvaluateDepth(const TwoViewModel& model);
@@ -129,31 +123,32 @@ class TwoViewCostFunction {
     Eigen::Vector2d operator()(const Transfer& transfer) const;
   };
 
-  Whitening WhitenAt(const TwoViewModel& model,
-                     const Eigen::Matrix3d& F,
-                     const Transfer& transfer,
-                     int i) const;
+  TwoViewCost Sum(const TwoViewModel& model,
+                  const DepthFields& fields,
+                  NormalEquations* normal);
   void AddEpipolar(const TwoViewModel& model,
                    TwoViewCost* cost,
                    NormalEquations* normal) const;
+  // With `whiten`, whitens the residuals at this model first.
+  void AddWhitened(const TwoViewModel& model,
+                   const DepthFields& fields,
+                   bool whiten,
+                   TwoViewCost* cost,
+                   NormalEquations* normal);
+  Whitening WhitenAt(const TwoViewModel& model,
+                     const Eigen::Matrix3d& F,
+                     const Transfer& transfer,
+                     const TwoViewMatch& match) const;
   bool Forward(const TwoViewModel& model,
                const DepthFields& fields,
                int i,
                Transfer* transfer) const;
-  void AddWhitened(const TwoViewModel& model,
-                   const DepthFields& fields,
-                   TwoViewCost* cost) const;
   void AddWhitenedRows(int i,
                        const TwoViewModel& model,
                        const Transfer& transfer,
                        double weight,
                        NormalEquations* normal) const;
-  void LinearizeWhitened(const TwoViewModel& model,
-                         const DepthFields& fields,
-                         TwoViewCost* cost,
-                         NormalEquations* normal);
-  void AddReprojection(TransferDirection direction,
-                       const TwoViewModel& model,
+  void AddReprojection(const TwoViewModel& model,
                        TwoViewCost* cost,
                        NormalEquations* normal) const;
   void AddPriors(const TwoViewModel& model,

@@ -12,53 +12,48 @@
 
 namespace dgsfm {
 
-// In the order in which they are scored; depth 0 = unknown.
-struct TwoViewData {
-  std::vector<Eigen::Vector2d> points1;
-  std::vector<Eigen::Vector2d> points2;
-  std::vector<double> depths1;
-  std::vector<double> depths2;
-  // Covariances of the points; empty = unit covariance.
-  std::vector<PointCovariance> covariances1;
-  std::vector<PointCovariance> covariances2;
+struct TwoViewMatch {
+  Eigen::Vector2d x1 = Eigen::Vector2d::Zero();
+  Eigen::Vector2d x2 = Eigen::Vector2d::Zero();
+  // Both zero if one is unknown.
+  double depth1 = 0;
+  double depth2 = 0;
+  PointCovariance covariance1 = UnitPointCovariance();
+  PointCovariance covariance2 = UnitPointCovariance();
 
-  int Size() const { return static_cast<int>(points1.size()); }
-  bool HasDepths(int i) const { return depths1[i] > 0 && depths2[i] > 0; }
+  bool HasDepths() const { return depth1 > 0; }
 
-  PointCovariance Covariance1(int i) const {
-    return covariances1.empty() ? UnitPointCovariance() : covariances1[i];
-  }
-  PointCovariance Covariance2(int i) const {
-    return covariances2.empty() ? UnitPointCovariance() : covariances2[i];
-  }
-
-  // Sum of the variances of the two points of a match per coordinate, in the
-  // mean over all directions.
-  double Variance(int i) const {
-    if (covariances1.empty()) return 2;
-    return 0.5 * (covariances1[i](0) + covariances1[i](2) + covariances2[i](0) +
-                  covariances2[i](2));
+  // Sum of the variances of the two points per coordinate, in the mean over all
+  // directions.
+  double Variance() const {
+    return 0.5 *
+           (covariance1(0) + covariance1(2) + covariance2(0) + covariance2(2));
   }
 
   double Sampson(const Eigen::Matrix3d& F,
-                 int i,
                  Eigen::Matrix3d* gradient = nullptr) const {
-    return SampsonError(
-        F, points1[i], points2[i], Covariance1(i), Covariance2(i), gradient);
+    return SampsonError(F, x1, x2, covariance1, covariance2, gradient);
   }
 
-  bool Forward(const TwoViewModel& model, int i, Transfer* transfer) const {
-    return TransferMatch(TransferDirection::FORWARD,
-                         model,
-                         points1[i],
-                         depths1[i],
-                         points2[i],
-                         depths2[i],
-                         transfer);
+  bool Forward(const TwoViewModel& model, Transfer* transfer) const {
+    return TransferMatch(model, x1, depth1, x2, depth2, transfer);
   }
 
-  // The matches with these indices.
-  TwoViewData Subset(const std::vector<int>& indices) const;
+  // The same match seen from image 2.
+  TwoViewMatch Swapped() const {
+    return {x2, x1, depth2, depth1, covariance2, covariance1};
+  }
 };
+
+// In the order in which they are scored.
+using TwoViewData = std::vector<TwoViewMatch>;
+
+inline TwoViewData Subset(const TwoViewData& data,
+                          const std::vector<int>& indices) {
+  TwoViewData subset;
+  subset.reserve(indices.size());
+  for (const int i : indices) subset.push_back(data[i]);
+  return subset;
+}
 
 }  // namespace dgsfm

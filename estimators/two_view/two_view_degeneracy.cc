@@ -21,29 +21,28 @@ std::vector<int> FittingMatches(const TwoViewData& data,
                                 const Eigen::Matrix3d& H,
                                 double max_error_px) {
   std::vector<int> fitting;
-  for (int i = 0; i < data.Size(); ++i) {
-    const Eigen::Vector3d point = H * data.points1[i].homogeneous();
+  for (size_t i = 0; i < data.size(); ++i) {
+    const Eigen::Vector3d point = H * data[i].x1.homogeneous();
     // Multiplied by the third coordinate, whose sign is free.
-    const Eigen::Vector2d error = point.head<2>() - point.z() * data.points2[i];
+    const Eigen::Vector2d error = point.head<2>() - point.z() * data[i].x2;
     if (error.squaredNorm() <
         max_error_px * max_error_px * point.z() * point.z()) {
-      fitting.push_back(i);
+      fitting.push_back(static_cast<int>(i));
     }
   }
   return fitting;
 }
 
-bool IsMost(size_t num, const TwoViewData& data) {
-  return data.Size() > 0 && static_cast<double>(num) >= kMinShare * data.Size();
+bool IsMost(const std::vector<int>& fitting, const TwoViewData& data) {
+  return !data.empty() &&
+         static_cast<double>(fitting.size()) >= kMinShare * data.size();
 }
 
 // Maps the four unit vectors e1, e2, e3, (1, 1, 1) to the points.
-Eigen::Matrix3d ProjectiveBasis(const std::vector<Eigen::Vector2d>& points,
-                                const std::array<int, 4>& sample) {
+Eigen::Matrix3d ProjectiveBasis(const std::array<Eigen::Vector2d, 4>& points) {
   Eigen::Matrix3d basis;
-  for (int k = 0; k < 3; ++k) basis.col(k) = points[sample[k]].homogeneous();
-  const Eigen::Vector3d weights =
-      basis.inverse() * points[sample[3]].homogeneous();
+  for (int k = 0; k < 3; ++k) basis.col(k) = points[k].homogeneous();
+  const Eigen::Vector3d weights = basis.inverse() * points[3].homogeneous();
   return basis * weights.asDiagonal();
 }
 
@@ -57,8 +56,8 @@ Eigen::Matrix3d RefineHomography(const TwoViewData& data,
   Matrix8 matrix = Matrix8::Zero();
   Vector8 right = Vector8::Zero();
   for (const int i : indices) {
-    const Eigen::Vector2d& x1 = data.points1[i];
-    const Eigen::Vector2d& x2 = data.points2[i];
+    const Eigen::Vector2d& x1 = data[i].x1;
+    const Eigen::Vector2d& x2 = data[i].x2;
     const double weight = 1 / (start.row(2) * x1.homogeneous()).value();
     for (int k = 0; k < 2; ++k) {
       Vector8 row = Vector8::Zero();
@@ -74,17 +73,15 @@ Eigen::Matrix3d RefineHomography(const TwoViewData& data,
   return H;
 }
 
-// That brings the viewing rays of the matches closest.
+// The rotation between the viewing rays of these matches, by least squares.
 Eigen::Matrix3d FitRotation(const TwoViewData& data,
                             const std::vector<int>& indices,
                             const TwoViewModel& model) {
-  const auto ray = [](const Eigen::Vector2d& x, double focal) {
-    return Eigen::Vector3d(x.x(), x.y(), focal).normalized();
-  };
   Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
   for (const int i : indices) {
-    correlation += ray(data.points2[i], model.focal2) *
-                   ray(data.points1[i], model.focal1).transpose();
+    correlation +=
+        (data[i].x2 / model.focal2).homogeneous().normalized() *
+        (data[i].x1 / model.focal1).homogeneous().normalized().transpose();
   }
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
       correlation, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -99,53 +96,53 @@ bool IsPlanar(const TwoViewData& inliers,
               double max_error_px,
               SplitMix64* random) {
   constexpr int kNumTrials = 100;
-  if (inliers.Size() < kMinNumInliers) return false;
+  if (inliers.size() < kMinNumInliers) return false;
   std::vector<int> best;
   Eigen::Matrix3d best_H = Eigen::Matrix3d::Identity();
-  for (int trial = 0; trial < kNumTrials && !IsMost(best.size(), inliers);
-       ++trial) {
-    std::array<int, 4> sample;
-    for (int& i : sample) i = random->Below(inliers.Size());
+  for (int trial = 0; trial < kNumTrials && !IsMost(best, inliers); ++trial) {
+    std::array<Eigen::Vector2d, 4> points1, points2;
+    for (int k = 0; k < 4; ++k) {
+      const int i = random->Below(static_cast<int>(inliers.size()));
+      points1[k] = inliers[i].x1;
+      points2[k] = inliers[i].x2;
+    }
     // Repeated matches make it singular, and nothing fits.
     const Eigen::Matrix3d H =
-        ProjectiveBasis(inliers.points2, sample) *
-        ProjectiveBasis(inliers.points1, sample).inverse();
+        ProjectiveBasis(points2) * ProjectiveBasis(points1).inverse();
     std::vector<int> fitting = FittingMatches(inliers, H, max_error_px);
     if (fitting.size() <= best.size()) continue;
     best = std::move(fitting);
     best_H = H;
   }
   for (int k = 0; k < kNumRefinements && best.size() >= kMinNumInliers; ++k) {
-    if (IsMost(best.size(), inliers)) return true;
+    if (IsMost(best, inliers)) return true;
     best_H /= best_H(2, 2);
     best_H = RefineHomography(inliers, best, best_H);
     best = FittingMatches(inliers, best_H, max_error_px);
   }
-  return IsMost(best.size(), inliers);
+  return IsMost(best, inliers);
 }
 
 bool IsRotationOnly(const TwoViewData& inliers,
                     const TwoViewModel& model,
                     double max_error_px) {
-  const auto fitting_matches = [&](const Eigen::Matrix3d& rotation) {
-    const Eigen::Matrix3d H =
-        Eigen::Vector3d(model.focal2, model.focal2, 1).asDiagonal() * rotation *
-        Eigen::Vector3d(1 / model.focal1, 1 / model.focal1, 1).asDiagonal();
-    return FittingMatches(inliers, H, max_error_px);
-  };
   // The model's own rotation makes up for its translation, so that the start is
   // the rotation of all matches.
-  std::vector<int> fitting(inliers.Size());
+  std::vector<int> fitting(inliers.size());
   std::iota(fitting.begin(), fitting.end(), 0);
   for (int k = 0; k < kNumRefinements; ++k) {
-    fitting = fitting_matches(FitRotation(inliers, fitting, model));
+    const Eigen::Matrix3d H =
+        Eigen::Vector3d(model.focal2, model.focal2, 1).asDiagonal() *
+        FitRotation(inliers, fitting, model) *
+        Eigen::Vector3d(1 / model.focal1, 1 / model.focal1, 1).asDiagonal();
+    fitting = FittingMatches(inliers, H, max_error_px);
   }
-  return IsMost(fitting.size(), inliers);
+  return IsMost(fitting, inliers);
 }
 
 bool IsStationary(const TwoViewData& inliers, double max_error_px) {
   return IsMost(
-      FittingMatches(inliers, Eigen::Matrix3d::Identity(), max_error_px).size(),
+      FittingMatches(inliers, Eigen::Matrix3d::Identity(), max_error_px),
       inliers);
 }
 

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -31,23 +30,6 @@ struct Round {
 // costs of the outliers hide the last of the decrease.
 constexpr Round kRounds[] = {{1e-4, 300}, {1e-13, 1000}};
 
-// Standard deviation of the log depth of one map, over matches with depths.
-double DepthNoise(const TwoViewData& data,
-                  const std::vector<int>& indices,
-                  const TwoViewModel& model,
-                  int* num_depths) {
-  std::vector<double> log_ratios;
-  for (const int i : indices) {
-    Transfer transfer;
-    if (data.HasDepths(i) && data.Forward(model, i, &transfer)) {
-      log_ratios.push_back(transfer.log_depth_ratio);
-    }
-  }
-  *num_depths = static_cast<int>(log_ratios.size());
-  if (log_ratios.empty()) return 0;
-  return RobustStddev(log_ratios, Median(log_ratios)) / std::sqrt(2.0);
-}
-
 class Finisher {
  public:
   Finisher(const TwoViewProblem& problem, const TwoViewCandidate& candidate)
@@ -64,11 +46,9 @@ class Finisher {
   TwoViewData TrustedMatches(const TwoViewModel& model,
                              double max_error_px,
                              int max_num) const;
-  void CorrectDepths();
+  void CorrectDepths(const TwoViewCostOptions& cost_options);
   void Refine();
-  void RefineWithoutDepth();
   void Report(TwoViewDepthResult* result) const;
-  void ReportCovariance(TwoViewDepthResult* result) const;
   void ReportDegeneracy(SplitMix64* random, TwoViewDepthResult* result);
 
   const TwoViewProblem& problem_;
@@ -94,14 +74,13 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
   // Smooth errors of good networks have at least this standard deviation; those
   // of others show in the noise and in the fields found.
   constexpr double kMinFieldStddev = 0.05;
-  TwoViewCostOptions cost_options =
-      problem_.CostOptions(problem_.SearchTerm(with_depth));
+  TwoViewCostOptions cost_options = problem_.CostOptions(with_depth);
   cost_options.loss = TwoViewLoss::TRUNCATED_CAUCHY;
   const double max_error = options_.max_epipolar_error_px;
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   const std::vector<int> inliers = problem_.Inliers(model);
   std::vector<double> errors_px;
-  for (const int i : inliers) errors_px.push_back(data_.Sampson(F, i));
+  for (const int i : inliers) errors_px.push_back(data_[i].Sampson(F));
   if (!errors_px.empty()) {
     cost_options.stddev_px = std::clamp(RobustStddev(errors_px, 0),
                                         kMinStddevPerThreshold * max_error,
@@ -109,20 +88,18 @@ TwoViewCostOptions Finisher::EstimateNoise(const TwoViewModel& model,
     cost_options.max_epipolar_error_px =
         std::min(kMaxDeviation * cost_options.stddev_px, max_error);
   }
-  int num_depths = 0;
-  const double depth_noise =
-      with_depth ? DepthNoise(corrected_data_, inliers, model, &num_depths) : 0;
-  if (num_depths >= kMinNumInliers) {
-    depth_noise_ = depth_noise;
+  const std::vector<double> log_ratios =
+      with_depth ? LogDepthRatios(corrected_data_, inliers, model)
+                 : std::vector<double>();
+  if (log_ratios.size() >= kMinNumInliers) {
+    depth_noise_ = DepthNoise(log_ratios);
     cost_options.log_depth_stddev =
         std::max(depth_noise_, kMinLogDepthStddev) *
-        std::sqrt(std::max(1.0, num_depths / kNumIndependentDepths));
+        std::sqrt(std::max(1.0, log_ratios.size() / kNumIndependentDepths));
     cost_options.depth_field_stddev =
         std::max({kMinFieldStddev,
                   depth_noise_,
                   fields_.norm() / std::sqrt(2.0 * kNumDepthFieldTerms)});
-    cost_options.depth_field_unit1_px = problem_.ImageUnit1();
-    cost_options.depth_field_unit2_px = problem_.ImageUnit2();
   }
   return cost_options;
 }
@@ -137,30 +114,33 @@ TwoViewData Finisher::TrustedMatches(const TwoViewModel& model,
                                std::max(depth_noise_, kMinLogDepthStddev);
   const Eigen::Matrix3d F = model.FundamentalMatrix();
   const std::vector<int> near = problem_.Active(model, max_error_px, max_num);
-  TwoViewData data = data_.Subset(near);
-  for (int i = 0; i < data.Size(); ++i) {
+  TwoViewData data = Subset(data_, near);
+  for (size_t i = 0; i < data.size(); ++i) {
     Transfer transfer;
-    if (!data.HasDepths(i)) continue;
-    if (std::abs(data.Sampson(F, i)) > max_error_px ||
-        !corrected_data_.Forward(model, near[i], &transfer) ||
+    if (!data[i].HasDepths()) continue;
+    if (std::abs(data[i].Sampson(F)) > max_error_px ||
+        !corrected_data_[near[i]].Forward(model, &transfer) ||
         std::abs(transfer.log_depth_ratio) > max_log_ratio) {
-      data.depths1[i] = data.depths2[i] = 0;
+      data[i].depth1 = data[i].depth2 = 0;
     }
   }
   return data;
 }
 
-void Finisher::CorrectDepths() {
+// The next round estimates the noise that the fields leave.
+void Finisher::CorrectDepths(const TwoViewCostOptions& cost_options) {
   const auto factor = [this](const Eigen::Vector2d& x, double unit, int begin) {
     return std::exp(-EvaluateDepthFieldBasis(x / unit).dot(
         fields_.segment<kNumDepthFieldTerms>(begin)));
   };
-  for (int i = 0; i < data_.Size(); ++i) {
-    corrected_data_.depths1[i] =
-        data_.depths1[i] * factor(data_.points1[i], problem_.ImageUnit1(), 0);
-    corrected_data_.depths2[i] =
-        data_.depths2[i] *
-        factor(data_.points2[i], problem_.ImageUnit2(), kNumDepthFieldTerms);
+  for (size_t i = 0; i < data_.size(); ++i) {
+    const TwoViewMatch& match = data_[i];
+    corrected_data_[i].depth1 =
+        match.depth1 * factor(match.x1, cost_options.depth_field_unit1_px, 0);
+    corrected_data_[i].depth2 =
+        match.depth2 * factor(match.x2,
+                              cost_options.depth_field_unit2_px,
+                              kNumDepthFieldTerms);
   }
 }
 
@@ -177,51 +157,16 @@ void Finisher::Refine() {
     refinement_options.min_relative_decrease = round.min_relative_decrease;
     RefineModel(
         data, focal_case, cost_options, refinement_options, &model, &fields_);
-    CorrectDepths();
+    CorrectDepths(cost_options);
   }
   // Without priors, what the matches tell by themselves.
   cost_options.focal_prior1 = cost_options.focal_prior2 = FocalPrior();
   covariance_ =
       EstimateCovariance(data, focal_case, cost_options, model, fields_);
-  // Refinement with a soft loss may trade inliers; a real loss means that it
-  // has left the model that was found.
-  constexpr double kMinKeptInliers = 0.9;
   const TwoViewCandidate refined =
       problem_.Evaluate(model, candidate_.with_depth);
-  if (refined.score.num_inliers >=
-      kMinKeptInliers * candidate_.score.num_inliers) {
-    candidate_ = refined;
-  }
-}
-
-// With known focal lengths and parallax the image points alone give the better
-// pose: errors of depth maps are smooth and do not average out.
-void Finisher::RefineWithoutDepth() {
-  constexpr double kMinAngleRad = 3 * M_PI / 180;
-  std::vector<double> angles;
-  for (const int i : problem_.Inliers(candidate_.model)) {
-    const auto intersection =
-        IntersectRays(candidate_.model, data_.points1[i], data_.points2[i]);
-    angles.push_back(intersection ? intersection->angle_rad : 0);
-  }
-  if (angles.empty() || Median(angles) < kMinAngleRad) return;
-  TwoViewModel model = candidate_.model;
-  model.translation.normalize();
-  const TwoViewCostOptions cost_options =
-      EstimateNoise(model, /*with_depth=*/false);
-  TwoViewRefinementOptions refinement_options;
-  const Round& round = *std::rbegin(kRounds);
-  refinement_options.min_relative_decrease = round.min_relative_decrease;
-  RefineModel(
-      TrustedMatches(
-          model, cost_options.max_epipolar_error_px, round.max_num_matches),
-      problem_.Range().focal_case,
-      cost_options,
-      refinement_options,
-      &model);
-  if (!model.IsFinite() || !problem_.AttachScale(&model)) return;
-  const TwoViewCandidate refined = problem_.Evaluate(model, true);
-  if (refined.score.cost <= candidate_.score.cost) candidate_ = refined;
+  // Infinite for focal lengths that have left their range.
+  if (std::isfinite(refined.cost)) candidate_ = refined;
 }
 
 // Whether the translation is zero by its covariance.
@@ -232,17 +177,11 @@ bool IsWithinNoise(const Eigen::Vector3d& translation,
          kMaxDeviation * kMaxDeviation;
 }
 
-void Finisher::ReportCovariance(TwoViewDepthResult* result) const {
-  result->has_covariance =
-      candidate_.with_depth && result->has_scale && covariance_.allFinite();
-  if (result->has_covariance) result->covariance = covariance_;
-}
-
 void Finisher::ReportDegeneracy(SplitMix64* random,
                                 TwoViewDepthResult* result) {
   const FocalRange& range = problem_.Range();
-  const TwoViewData inliers = data_.Subset(inliers_);
-  if (inliers.Size() == 0) return;
+  const TwoViewData inliers = Subset(data_, inliers_);
+  if (inliers.empty()) return;
   // 98 % of the deviations from a homography by noise alone are below this; a
   // relief of that size still determines something.
   const double max_homography_error_px =
@@ -265,12 +204,14 @@ void Finisher::ReportDegeneracy(SplitMix64* random,
     return !degeneracy.planar &&
            std::sqrt(covariance_(param, param)) < kMaxLogFocalStddev;
   };
+  const bool is_known1 = range.view1.is_known;
+  const bool is_known2 = range.view2.is_known;
   degeneracy.focal_identifiable1 =
-      range.Knows1() || is_identifiable(kLogFocal1Param);
+      is_known1 || is_identifiable(kLogFocal1Param);
   degeneracy.focal_identifiable2 =
-      range.Knows2() || is_identifiable(kLogFocal2Param);
-  result->estimated_focal1 = !range.Knows1() && degeneracy.focal_identifiable1;
-  result->estimated_focal2 = !range.Knows2() && degeneracy.focal_identifiable2;
+      is_known2 || is_identifiable(kLogFocal2Param);
+  result->estimated_focal1 = !is_known1 && degeneracy.focal_identifiable1;
+  result->estimated_focal2 = !is_known2 && degeneracy.focal_identifiable2;
   // All parameters are then off with the focal lengths.
   if (!degeneracy.focal_identifiable1 || !degeneracy.focal_identifiable2) {
     result->has_covariance = false;
@@ -281,23 +222,12 @@ void Finisher::ReportDegeneracy(SplitMix64* random,
 void Finisher::Report(TwoViewDepthResult* result) const {
   TwoViewModel model = candidate_.model;
   result->num_inliers = static_cast<int>(inliers_.size());
-  result->inlier_mask.assign(data_.Size(), 0);
-  std::vector<double> angles;
-  for (const int i : inliers_) {
-    result->inlier_mask[problem_.MatchIdx(i)] = 1;
-    const auto intersection =
-        IntersectRays(model, data_.points1[i], data_.points2[i]);
-    angles.push_back(intersection ? intersection->angle_rad : 0);
-  }
+
+  for (const int i : inliers_) result->inlier_mask[problem_.MatchIdx(i)] = 1;
   result->success = result->num_inliers >= kMinNumInliers;
-  if (!angles.empty()) {
-    result->median_triangulation_angle_deg = Median(angles) * 180 / M_PI;
-  }
-  int num_depths = 0;
   if (candidate_.with_depth) {
-    result->depth_noise = DepthNoise(data_, inliers_, model, &num_depths);
+    result->depth_noise = DepthNoise(LogDepthRatios(data_, inliers_, model));
   }
-  result->used_depth_free_estimator = !candidate_.with_depth;
   result->has_scale = candidate_.with_depth
                           ? candidate_.num_depth_inliers >= kMinNumInliers
                           : problem_.AttachScale(&model);
@@ -310,6 +240,9 @@ void Finisher::Report(TwoViewDepthResult* result) const {
   result->scale_1_from_2 = model.scale;
   result->focal_length1_px = model.focal1;
   result->focal_length2_px = model.focal2;
+  result->has_covariance =
+      candidate_.with_depth && result->has_scale && covariance_.allFinite();
+  if (result->has_covariance) result->covariance = covariance_;
 }
 
 TwoViewCandidate Finisher::Run(SplitMix64* random, TwoViewDepthResult* result) {
@@ -321,14 +254,9 @@ TwoViewCandidate Finisher::Run(SplitMix64* random, TwoViewDepthResult* result) {
     inliers_ = refinement.inliers;
   } else {
     Refine();
-    if (problem_.Range().focal_case == FocalCase::KNOWN &&
-        candidate_.with_depth) {
-      RefineWithoutDepth();
-    }
     inliers_ = problem_.Inliers(candidate_.model);
   }
   Report(result);
-  ReportCovariance(result);
   ReportDegeneracy(random, result);
   return candidate_;
 }

@@ -9,7 +9,8 @@
 namespace dgsfm {
 
 // Refines the candidate with the noise that it shows itself and fills the
-// result, except for num_trials. Returns the refined candidate.
+// result, whose mask has a zero for every match, except for num_trials. Returns
+// the refined candidate.
 TwoViewCandidate FinishTwoViewModel(const TwoViewProblem& problem,
                                     const TwoViewCandidate& candidate,
                                     SplitMix64* random,

@@ -1,6 +1,7 @@
 #include "estimators/two_view/two_view_geometry_depth.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/option_check.h"
 #include "estimators/random.h"
 #include "estimators/two_view/two_view_final.h"
 #include "estimators/two_view/two_view_problem.h"
@@ -32,6 +33,9 @@ void CheckInput(const TwoViewDepthInput& input,
                 const TwoViewDepthOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
+  DGSFM_CHECK(std::isfinite(options.max_epipolar_error_px) &&
+              std::isfinite(options.max_reprojection_error_px))
+      << "thresholds must be finite";
   const DepthMatches& matches = input.matches;
   const size_t size = matches.points1.size();
   DGSFM_CHECK(matches.points2.size() == size &&
@@ -65,10 +69,12 @@ void CheckInput(const TwoViewDepthInput& input,
 
 // The candidate with depth, unless the depths are no evidence or cost it more
 // inliers than can be chance: the one without has more freedom to fit outliers.
+// The result comes with a mask of zeros.
 void Finish(const TwoViewProblem& problem,
             const TwoViewSearchResult& found,
             SplitMix64* random,
             TwoViewDepthResult* result) {
+  TwoViewDepthResult alternative = *result;
   const bool has_depth = std::isfinite(found.with_depth.cost);
   const bool has_alternative = std::isfinite(found.without_depth.cost);
   double max_cost = std::numeric_limits<double>::infinity();
@@ -81,7 +87,6 @@ void Finish(const TwoViewProblem& problem,
         problem.Options().min_num_depth_matches * max_error_px * max_error_px;
   }
   if (!has_alternative || found.without_depth.score.cost > max_cost) return;
-  TwoViewDepthResult alternative;
   if (FinishTwoViewModel(problem, found.without_depth, random, &alternative)
           .score.cost < max_cost) {
     *result = alternative;
@@ -91,55 +96,30 @@ void Finish(const TwoViewProblem& problem,
 }  // namespace
 
 bool TwoViewDepthOptions::IsValid(std::string* error) const {
-  const auto check =
-      [error](bool ok, const char* name, double value, const char* bound) {
-        if (!ok && error) {
-          *error += std::string(name) + " = " + std::to_string(value) +
-                    " must be " + bound + "\n";
-        }
-        return ok;
-      };
-  bool ok = true;
-  ok &= check(max_epipolar_error_px > 0 && std::isfinite(max_epipolar_error_px),
-              "max_epipolar_error_px",
-              max_epipolar_error_px,
-              "> 0");
-  ok &= check(
-      max_reprojection_error_px > 0 && std::isfinite(max_reprojection_error_px),
-      "max_reprojection_error_px",
-      max_reprojection_error_px,
-      "> 0");
-  ok &= check(min_num_trials >= 1, "min_num_trials", min_num_trials, ">= 1");
-  ok &= check(max_num_trials >= min_num_trials,
-              "max_num_trials",
-              max_num_trials,
-              ">= min_num_trials");
-  ok &= check(
-      confidence > 0 && confidence < 1, "confidence", confidence, "in (0, 1)");
-  ok &= check(min_focal_length_ratio > 0,
-              "min_focal_length_ratio",
-              min_focal_length_ratio,
-              "> 0");
-  ok &= check(max_focal_length_ratio > min_focal_length_ratio,
-              "max_focal_length_ratio",
-              max_focal_length_ratio,
-              "> min_focal_length_ratio");
-  ok &= check(min_num_depth_matches >= 3,
-              "min_num_depth_matches",
-              min_num_depth_matches,
-              ">= 3");
-  return ok;
+  return OptionBounds(error)
+      .Above("max_epipolar_error_px", max_epipolar_error_px, 0)
+      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
+      .AtLeast("min_num_trials", min_num_trials, 1)
+      .AtLeast("max_num_trials", max_num_trials, min_num_trials)
+      .Within("confidence", confidence, 0, 1)
+      .Above("min_focal_length_ratio", min_focal_length_ratio, 0)
+      .Above("max_focal_length_ratio",
+             max_focal_length_ratio,
+             min_focal_length_ratio)
+      .AtLeast("min_num_depth_matches", min_num_depth_matches, 3)
+      .AreKept();
 }
 
 TwoViewDepthResult EstimateTwoViewGeometryWithDepth(
     const TwoViewDepthInput& input, const TwoViewDepthOptions& options) {
   CheckInput(input, options);
+  // One stream for order and samples makes the pair independent of others.
   SplitMix64 random(input.seed);
   const TwoViewProblem problem(input, options, &random);
   TwoViewDepthResult result;
   result.inlier_mask.assign(input.matches.points1.size(), 0);
-  result.focal_length1_px = problem.Range().guess1;
-  result.focal_length2_px = problem.Range().guess2;
+  result.focal_length1_px = problem.Range().view1.guess_px;
+  result.focal_length2_px = problem.Range().view2.guess_px;
   const TwoViewSearchResult found = options.paper
                                         ? SearchPublishedModel(problem, &random)
                                         : SearchTwoViewModel(problem, &random);

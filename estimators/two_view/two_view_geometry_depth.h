@@ -129,11 +129,6 @@ struct TwoViewDepthResult {
   int num_trials = 0;
   // Noise of log depth over inliers, per map [1], 0 if unknown.
   double depth_noise = 0;
-  // Median angle between the two viewing rays of inliers [deg].
-  double median_triangulation_angle_deg = 0;
-  // Won by an estimator that uses no depth; the scale, if any, was attached
-  // afterwards from triangulated depths.
-  bool used_depth_free_estimator = false;
   TwoViewDegeneracy degeneracy;
   // Covariance of, in this order: rotation w [rad] (R <- exp(w) R), translation
   // [its unit], log scale, log focal length 1, log focal length 2. Rows of what

@@ -4,40 +4,44 @@
 #pragma once
 
 #include "estimators/random.h"
-#include "estimators/two_view/two_view_cost.h"
 #include "estimators/two_view/two_view_data.h"
 #include "estimators/two_view/two_view_geometry_depth.h"
 #include "estimators/two_view/two_view_model.h"
 
-#include <memory>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
 
 namespace dgsfm {
 
+// Plausible focal lengths of an image.
+struct FocalBounds {
+  // Known focal lengths are the guess and are not questioned.
+  bool is_known = false;
+  double guess_px = 0;
+  double min_px = 0;
+  double max_px = 0;
+  // Exists for unknown focal lengths.
+  FocalPrior prior;
+
+  bool Contains(double focal_px) const {
+    return is_known || (focal_px >= min_px && focal_px <= max_px);
+  }
+};
+
 // Plausible focal lengths of an image pair, and which of them are unknown.
 struct FocalRange {
   FocalCase focal_case = FocalCase::TWO;
-  double guess1 = 0;
-  double guess2 = 0;
-  double min1 = 0, max1 = 0;
-  double min2 = 0, max2 = 0;
-  // On unknown focal lengths; one for both where they are shared.
-  FocalPrior prior1, prior2;
+  // Equal but for the prior, which view 1 has alone, if the focal length is
+  // shared.
+  FocalBounds view1, view2;
 
   static FocalRange Create(const TwoViewDepthInput& input,
                            const TwoViewDepthOptions& options);
-  bool Knows1() const {
-    return focal_case == FocalCase::KNOWN ||
-           focal_case == FocalCase::ONE_SIDED1;
+  bool Contains(const TwoViewModel& model) const {
+    return view1.Contains(model.focal1) && view2.Contains(model.focal2);
   }
-  bool Knows2() const {
-    return focal_case == FocalCase::KNOWN ||
-           focal_case == FocalCase::ONE_SIDED2;
-  }
-  // Known focal lengths are not questioned.
-  bool Contains(const TwoViewModel& model) const;
 };
 
 // A model that is cheap to score. Minimal samples without depth give a
@@ -50,26 +54,24 @@ struct Hypothesis {
   TwoViewModel model;
 };
 
-class HypothesisSource {
- public:
-  virtual ~HypothesisSource() = default;
-
+struct HypothesisSource {
+  // Number of matches that have to be inliers for a sample to be good; 0 if
+  // there are too few matches for a sample.
+  int sample_size = 0;
   // Hypotheses of the next random sample.
-  virtual void Sample(SplitMix64* random,
-                      std::vector<Hypothesis>* hypotheses) = 0;
-  // Number of matches that have to be inliers for a sample to be good.
-  virtual int SampleSize() const = 0;
+  std::function<std::vector<Hypothesis>(SplitMix64*)> sample;
 };
 
 // Three matches with depth. One sample in `guess_interval` keeps the guessed
-// focal lengths, none with 0. Nothing if less than three matches have depth.
-std::unique_ptr<HypothesisSource> CreateDepthHypothesisSource(
-    const TwoViewData& data, const FocalRange& range, int guess_interval);
+// focal lengths, none with 0. The source refers to the data.
+HypothesisSource CreateDepthHypothesisSource(const TwoViewData& data,
+                                             const FocalRange& range,
+                                             int guess_interval);
 
 // Five matches with the known or guessed focal lengths; with unknown ones in
-// turn with seven matches. Nothing if there are less matches than that.
-std::unique_ptr<HypothesisSource> CreateEpipolarHypothesisSource(
-    const TwoViewData& data, const FocalRange& range);
+// turn with seven matches. The source refers to the data.
+HypothesisSource CreateEpipolarHypothesisSource(const TwoViewData& data,
+                                                const FocalRange& range);
 
 // The models a hypothesis stands for, in front of both cameras for most of the
 // matches that fit it, focal lengths within their range. Of a fundamental

@@ -33,34 +33,43 @@ std::vector<int> RandomOrder(const DepthMatches& matches,
   return order;
 }
 
-double SpreadOf(const std::vector<double>& values) {
-  return RobustStddev(values, Median(values));
-}
-
 TwoViewData OrderedData(const DepthMatches& matches,
                         const std::vector<int>& order) {
   TwoViewData data;
-  data.points1 = matches.points1;
-  data.points2 = matches.points2;
-  data.depths1 = matches.depths1;
-  data.depths2 = matches.depths2;
-  for (size_t i = 0; i < data.depths1.size(); ++i) {
-    if (!IsKnown(data.depths1[i]) || !IsKnown(data.depths2[i])) {
-      data.depths1[i] = data.depths2[i] = 0;
+  for (const int i : order) {
+    TwoViewMatch& match = data.emplace_back();
+    match.x1 = matches.points1[i];
+    match.x2 = matches.points2[i];
+    if (IsKnown(matches.depths1[i]) && IsKnown(matches.depths2[i])) {
+      match.depth1 = matches.depths1[i];
+      match.depth2 = matches.depths2[i];
     }
+    if (matches.pixel_jacobians1.empty()) continue;
+    match.covariance1 = UndistortedCovariance(matches.pixel_jacobians1[i]);
+    match.covariance2 = UndistortedCovariance(matches.pixel_jacobians2[i]);
   }
-  if (!matches.pixel_jacobians1.empty()) {
-    for (const Eigen::Matrix2d& jacobian : matches.pixel_jacobians1) {
-      data.covariances1.push_back(UndistortedCovariance(jacobian));
-    }
-    for (const Eigen::Matrix2d& jacobian : matches.pixel_jacobians2) {
-      data.covariances2.push_back(UndistortedCovariance(jacobian));
-    }
-  }
-  return data.Subset(order);
+  return data;
 }
 
 }  // namespace
+
+std::vector<double> LogDepthRatios(const TwoViewData& data,
+                                   const std::vector<int>& indices,
+                                   const TwoViewModel& model) {
+  std::vector<double> log_ratios;
+  for (const int i : indices) {
+    Transfer transfer;
+    if (data[i].HasDepths() && data[i].Forward(model, &transfer)) {
+      log_ratios.push_back(transfer.log_depth_ratio);
+    }
+  }
+  return log_ratios;
+}
+
+double DepthNoise(const std::vector<double>& log_ratios) {
+  if (log_ratios.empty()) return 0;
+  return RobustStddev(log_ratios, Median(log_ratios)) / std::sqrt(2.0);
+}
 
 TwoViewProblem::TwoViewProblem(const TwoViewDepthInput& input,
                                const TwoViewDepthOptions& options,
@@ -73,24 +82,22 @@ TwoViewProblem::TwoViewProblem(const TwoViewDepthInput& input,
       order_(RandomOrder(input.matches, options.paper, random)),
       data_(OrderedData(input.matches, order_)),
       scorer_(data_, options.max_epipolar_error_px) {
-  for (int i = 0; i < data_.Size(); ++i) {
-    num_depth_matches_ += data_.HasDepths(i);
+  for (const TwoViewMatch& match : data_) {
+    num_depth_matches_ += match.HasDepths();
   }
 }
 
-TwoViewCostOptions TwoViewProblem::CostOptions(DepthTerm depth_term) const {
+TwoViewCostOptions TwoViewProblem::CostOptions(bool with_depth) const {
   TwoViewCostOptions cost_options;
-  cost_options.depth_term = depth_term;
+  cost_options.depth_term = with_depth ? DepthTerm::WHITENED : DepthTerm::NONE;
   cost_options.stddev_px = kStddevPerThreshold * options_.max_epipolar_error_px;
   cost_options.max_epipolar_error_px = options_.max_epipolar_error_px;
   cost_options.max_reprojection_error_px = options_.max_reprojection_error_px;
-  cost_options.focal_prior1 = range_.prior1;
-  cost_options.focal_prior2 = range_.prior2;
+  cost_options.focal_prior1 = range_.view1.prior;
+  cost_options.focal_prior2 = range_.view2.prior;
+  cost_options.depth_field_unit1_px = image_unit1_px_;
+  cost_options.depth_field_unit2_px = image_unit2_px_;
   return cost_options;
-}
-
-DepthTerm TwoViewProblem::SearchTerm(bool with_depth) const {
-  return with_depth ? DepthTerm::WHITENED : DepthTerm::NONE;
 }
 
 // Half of the matches taken for inliers.
@@ -110,7 +117,7 @@ TwoViewCandidate TwoViewProblem::Evaluate(const TwoViewModel& model,
   if (!model.IsFinite() || !range_.Contains(model)) return candidate;
   candidate.score = scorer_.Score(model);
   candidate.cost = candidate.score.cost;
-  const TwoViewCostOptions cost_options = CostOptions(DepthTerm::WHITENED);
+  const TwoViewCostOptions cost_options = CostOptions(/*with_depth=*/true);
   double depth_cost = num_depth_matches_ * cost_options.max_depth_residual *
                       cost_options.max_depth_residual;
   if (with_depth) {
@@ -139,13 +146,12 @@ std::vector<int> TwoViewProblem::Active(const TwoViewModel& model,
 
 std::vector<int> TwoViewProblem::Inliers(const TwoViewModel& model) const {
   const Cheirality is_in_front(model, options_.max_epipolar_error_px);
-  std::vector<int> inliers =
-      Near(model, options_.max_epipolar_error_px, data_.Size());
+  std::vector<int> inliers = Near(
+      model, options_.max_epipolar_error_px, static_cast<int>(data_.size()));
   inliers.erase(std::remove_if(inliers.begin(),
                                inliers.end(),
                                [&](int i) {
-                                 return !is_in_front(data_.points1[i],
-                                                     data_.points2[i]);
+                                 return !is_in_front(data_[i].x1, data_[i].x2);
                                }),
                 inliers.end());
   return inliers;
@@ -153,39 +159,34 @@ std::vector<int> TwoViewProblem::Inliers(const TwoViewModel& model) const {
 
 bool TwoViewProblem::DepthsAreEvidence(const TwoViewModel& model) const {
   constexpr double kMaxNoise = 0.25;
-  std::vector<double> log_ratios;
-  for (const int i : Inliers(model)) {
-    Transfer transfer;
-    if (!data_.HasDepths(i) || !data_.Forward(model, i, &transfer)) continue;
-    log_ratios.push_back(transfer.log_depth_ratio);
-  }
+  const std::vector<double> log_ratios =
+      LogDepthRatios(data_, Inliers(model), model);
   return static_cast<int>(log_ratios.size()) >=
              options_.min_num_depth_matches &&
-         SpreadOf(log_ratios) / std::sqrt(2.0) < kMaxNoise;
+         DepthNoise(log_ratios) < kMaxNoise;
 }
 
 bool TwoViewProblem::AttachScale(TwoViewModel* model) const {
   // Points with a smaller angle between their rays have no depth of their own.
   constexpr double kMinAngleRad = 0.6 * M_PI / 180;
-  constexpr double kMaxLogDeviation = 0.5;
+  // Larger spreads of the ratios give no scale.
+  constexpr double kMaxLogStddev = 0.75;
   std::vector<double> log_ratios1, log_ratios2;
   for (const int i : Inliers(*model)) {
-    if (!data_.HasDepths(i)) continue;
-    const auto intersection =
-        IntersectRays(*model, data_.points1[i], data_.points2[i]);
+    const TwoViewMatch& match = data_[i];
+    if (!match.HasDepths()) continue;
+    const auto intersection = IntersectRays(*model, match.x1, match.x2);
     if (!intersection || intersection->angle_rad < kMinAngleRad) continue;
-    log_ratios1.push_back(std::log(data_.depths1[i] / intersection->depth1));
-    log_ratios2.push_back(std::log(data_.depths2[i] / intersection->depth2));
+    log_ratios1.push_back(std::log(match.depth1 / intersection->depth1));
+    log_ratios2.push_back(std::log(match.depth2 / intersection->depth2));
   }
   if (static_cast<int>(log_ratios1.size()) < options_.min_num_depth_matches) {
     return false;
   }
   const double log_ratio1 = Median(log_ratios1);
   const double log_ratio2 = Median(log_ratios2);
-  for (double& value : log_ratios1) value = std::abs(value - log_ratio1);
-  for (double& value : log_ratios2) value = std::abs(value - log_ratio2);
-  if (Median(log_ratios1) > kMaxLogDeviation ||
-      Median(log_ratios2) > kMaxLogDeviation) {
+  if (RobustStddev(log_ratios1, log_ratio1) > kMaxLogStddev ||
+      RobustStddev(log_ratios2, log_ratio2) > kMaxLogStddev) {
     return false;
   }
   model->translation *= std::exp(log_ratio1);

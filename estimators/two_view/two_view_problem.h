@@ -28,6 +28,14 @@ struct TwoViewCandidate {
   int num_depth_inliers = 0;
 };
 
+// Logs of the transferred over the given depths of these matches, those without
+// depths left out.
+std::vector<double> LogDepthRatios(const TwoViewData& data,
+                                   const std::vector<int>& indices,
+                                   const TwoViewModel& model);
+// Standard deviation of the log depth of one map by such ratios; zero without.
+double DepthNoise(const std::vector<double>& log_ratios);
+
 // Keeps a reference to the options.
 class TwoViewProblem {
  public:
@@ -47,12 +55,7 @@ class TwoViewProblem {
   int NumDepthMatches() const { return num_depth_matches_; }
   int MinNumInliers() const { return min_num_inliers_; }
 
-  // Half of the larger image sides [px].
-  double ImageUnit1() const { return image_unit1_px_; }
-  double ImageUnit2() const { return image_unit2_px_; }
-
-  TwoViewCostOptions CostOptions(DepthTerm depth_term) const;
-  DepthTerm SearchTerm(bool with_depth) const;
+  TwoViewCostOptions CostOptions(bool with_depth) const;
   // Factor of the depth noise with which all matches tell as much as the
   // independent ones.
   double DepthCap() const;
@@ -83,6 +86,7 @@ class TwoViewProblem {
  private:
   const TwoViewDepthOptions& options_;
   const FocalRange range_;
+  // Half of the larger image sides [px].
   const double image_unit1_px_;
   const double image_unit2_px_;
   const int min_num_inliers_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <memory>
 
 namespace dgsfm {
 namespace {
@@ -14,10 +13,8 @@ bool ChecksCheirality(const TwoViewProblem& problem) {
 
 TwoViewScore Score(const TwoViewProblem& problem, const TwoViewModel& model) {
   const TwoViewScorer& scorer = problem.Scorer();
-  return ChecksCheirality(problem)
-             ? scorer.Score(model)
-             : scorer.Score(model.FundamentalMatrix(),
-                            std::numeric_limits<double>::infinity());
+  return ChecksCheirality(problem) ? scorer.Score(model)
+                                   : scorer.Score(model.FundamentalMatrix());
 }
 
 std::vector<int> Inliers(const TwoViewProblem& problem,
@@ -26,12 +23,13 @@ std::vector<int> Inliers(const TwoViewProblem& problem,
              ? problem.Inliers(model)
              : problem.Near(model,
                             problem.Options().max_epipolar_error_px,
-                            problem.Data().Size());
+                            static_cast<int>(problem.Data().size()));
 }
 
+// The published costs have no priors.
 TwoViewCostOptions CostOptions(const TwoViewProblem& problem) {
-  TwoViewCostOptions cost_options =
-      problem.CostOptions(DepthTerm::REPROJECTION);
+  TwoViewCostOptions cost_options = problem.CostOptions(/*with_depth=*/true);
+  cost_options.depth_term = DepthTerm::REPROJECTION;
   cost_options.focal_prior1 = cost_options.focal_prior2 = FocalPrior();
   return cost_options;
 }
@@ -56,10 +54,13 @@ TwoViewModel Optimized(const TwoViewProblem& problem, TwoViewModel model) {
   return model;
 }
 
-std::unique_ptr<HypothesisSource> CreateSource(const TwoViewProblem& problem) {
+// The published samples have no range of focal lengths.
+HypothesisSource CreateSource(const TwoViewProblem& problem) {
   FocalRange any = problem.Range();
-  any.min1 = any.min2 = 0;
-  any.max1 = any.max2 = std::numeric_limits<double>::infinity();
+  for (FocalBounds* view : {&any.view1, &any.view2}) {
+    view->min_px = 0;
+    view->max_px = std::numeric_limits<double>::infinity();
+  }
   return CreateDepthHypothesisSource(problem.Data(), any, /*guess_interval=*/0);
 }
 
@@ -81,15 +82,14 @@ TwoViewSearchResult SearchPublishedModel(const TwoViewProblem& problem,
     const TwoViewModel model = Optimized(problem, start);
     keep(model, Score(problem, model));
   };
-  const std::unique_ptr<HypothesisSource> source = CreateSource(problem);
-  if (!source) return result;
-  std::vector<Hypothesis> hypotheses;
+  const HypothesisSource source = CreateSource(problem);
+  if (source.sample_size == 0) return result;
   // Best score among models of samples alone: optimised ones would leave
   // nothing to optimise.
   TwoViewScore best_sample;
   while (result.num_trials < problem.Options().max_num_trials) {
     ++result.num_trials;
-    source->Sample(random, &hypotheses);
+    const std::vector<Hypothesis> hypotheses = source.sample(random);
     const TwoViewModel* promising = nullptr;
     for (const Hypothesis& hypothesis : hypotheses) {
       const TwoViewScore score = Score(problem, hypothesis.model);
@@ -117,7 +117,7 @@ PublishedRefinement RefinePublishedModel(const TwoViewProblem& problem,
   PublishedRefinement result;
   result.model = model;
   result.inliers = Inliers(problem, model);
-  const TwoViewData data = problem.Data().Subset(result.inliers);
+  const TwoViewData data = Subset(problem.Data(), result.inliers);
   const FocalCase focal_case = problem.Range().focal_case;
   TwoViewCostOptions cost_options = CostOptions(problem);
   cost_options.loss = TwoViewLoss::CAUCHY;

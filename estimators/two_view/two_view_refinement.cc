@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include <Eigen/Cholesky>
 
@@ -20,10 +19,10 @@ using ReducedMatrix = Eigen::Matrix<double,
                                     Eigen::Dynamic,
                                     Eigen::Dynamic,
                                     Eigen::ColMajor,
-                                    kNumTwoViewParams,
-                                    kNumTwoViewParams>;
+                                    kNumCostParams,
+                                    kNumCostParams>;
 using ReducedVector = Eigen::
-    Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kNumTwoViewParams, 1>;
+    Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kNumCostParams, 1>;
 
 // The unknown parameters: columns span the allowed steps.
 Basis UnknownParameters(FocalCase focal_case,
@@ -56,31 +55,47 @@ Basis UnknownParameters(FocalCase focal_case,
   return basis.leftCols(num_columns);
 }
 
-// Eliminates the depth fields from the equations of the model; their step is
-// that of the model times this, plus the constant.
-struct FieldElimination {
-  Eigen::Matrix<double, 2 * kNumDepthFieldTerms, kNumTwoViewParams> slope;
-  DepthFields constant;
+// The normal equations of the unknown parameters: those that the columns of the
+// basis span, then the depth fields.
+struct ReducedEquations {
+  ReducedMatrix matrix;
+  ReducedVector gradient;
 
-  explicit FieldElimination(NormalEquations* normal) {
-    const auto factorization = normal->field_matrix.llt();
-    slope = -factorization.solve(normal->cross.transpose());
-    constant = -factorization.solve(normal->field_gradient);
-    normal->matrix += normal->cross.lazyProduct(slope);
-    normal->gradient += normal->cross * constant;
+  ReducedEquations(const NormalEquations& normal,
+                   const Basis& basis,
+                   bool has_fields) {
+    const auto num_model = basis.cols();
+    const auto num_fields = has_fields ? kNumCostParams - kNumTwoViewParams : 0;
+    matrix.resize(num_model + num_fields, num_model + num_fields);
+    gradient.resize(num_model + num_fields);
+    matrix.topLeftCorner(num_model, num_model) = basis.transpose().lazyProduct(
+        normal.matrix.topLeftCorner<kNumTwoViewParams, kNumTwoViewParams>()
+            .lazyProduct(basis)
+            .eval());
+    matrix.bottomLeftCorner(num_fields, num_model) =
+        normal.matrix.block(kNumTwoViewParams, 0, num_fields, kNumTwoViewParams)
+            .lazyProduct(basis);
+    matrix.topRightCorner(num_model, num_fields) =
+        matrix.bottomLeftCorner(num_fields, num_model).transpose();
+    matrix.bottomRightCorner(num_fields, num_fields) = normal.matrix.block(
+        kNumTwoViewParams, kNumTwoViewParams, num_fields, num_fields);
+    gradient.head(num_model) = basis.transpose().lazyProduct(
+        normal.gradient.head<kNumTwoViewParams>());
+    gradient.tail(num_fields) =
+        normal.gradient.segment(kNumTwoViewParams, num_fields);
+  }
+
+  // Levenberg-Marquardt step.
+  ReducedVector DampedStep(double damping) const {
+    ReducedMatrix damped = matrix;
+    damped.diagonal() *= 1 + damping;
+    damped.diagonal().array() += 1e-12;
+    return -damped.ldlt().solve(gradient);
   }
 };
 
-// Levenberg-Marquardt step of the damped normal equations, in the basis.
-ReducedVector DampedStep(const ReducedMatrix& matrix,
-                         const ReducedVector& gradient,
-                         double damping) {
-  ReducedMatrix damped = matrix;
-  damped.diagonal() *= 1 + damping;
-  damped.diagonal().array() += 1e-12;
-  return -damped.ldlt().solve(gradient);
-}
-
+// Without depth the translation has unit length, which a step keeps to first
+// order only.
 TwoViewModel Moved(const TwoViewModel& model,
                    DepthTerm depth_term,
                    const TwoViewStep& step) {
@@ -107,31 +122,23 @@ TwoViewCost RefineModel(const TwoViewData& data,
   double damping = 1e-3;
   for (int iteration = 0; iteration < options.max_num_iterations; ++iteration) {
     cost = function.Linearize(*model, *fields, &normal);
-    std::optional<FieldElimination> elimination;
-    if (function.HasFields()) elimination.emplace(&normal);
     const Basis basis =
         UnknownParameters(focal_case, cost_options.depth_term, *model);
-    const ReducedMatrix matrix =
-        basis.transpose().lazyProduct(normal.matrix.lazyProduct(basis).eval());
-    const ReducedVector gradient =
-        basis.transpose().lazyProduct(normal.gradient);
+    const ReducedEquations equations(normal, basis, function.HasFields());
     const double min_decrease = options.min_relative_decrease * cost.Total();
     bool improved = false;
     for (int k = 0; k < kMaxNumTries && !improved; ++k) {
-      const ReducedVector step = DampedStep(matrix, gradient, damping);
+      const ReducedVector step = equations.DampedStep(damping);
       if (!step.allFinite()) return cost;
       // What the linearisation promises is twice the decrease at most.
-      double decrease_bound = -gradient.dot(step);
-      if (elimination) {
-        decrease_bound -= normal.field_gradient.dot(elimination->constant);
-      }
-      if (decrease_bound < min_decrease) return cost;
-      const TwoViewStep full_step = basis.lazyProduct(step);
+      if (-equations.gradient.dot(step) < min_decrease) return cost;
       const TwoViewModel moved =
-          Moved(*model, cost_options.depth_term, full_step);
+          Moved(*model,
+                cost_options.depth_term,
+                basis.lazyProduct(step.head(basis.cols())));
       DepthFields moved_fields = *fields;
-      if (elimination) {
-        moved_fields += elimination->constant + elimination->slope * full_step;
+      if (function.HasFields()) {
+        moved_fields += step.tail<2 * kNumDepthFieldTerms>();
       }
       const TwoViewCost moved_cost = function.Evaluate(moved, moved_fields);
       improved = moved.IsFinite() && moved_cost.Total() < cost.Total();
@@ -156,16 +163,17 @@ TwoViewMatrix EstimateCovariance(const TwoViewData& data,
   NormalEquations normal;
   TwoViewCostFunction function(data, cost_options);
   function.Linearize(model, fields, &normal);
-  if (function.HasFields()) FieldElimination{&normal};
   const Basis basis =
       UnknownParameters(focal_case, cost_options.depth_term, model);
+  ReducedMatrix information =
+      ReducedEquations(normal, basis, function.HasFields()).matrix;
   // A little information about everything keeps the inverse finite.
-  const ReducedMatrix information =
-      basis.transpose() * normal.matrix * basis +
-      1e-9 * ReducedMatrix::Identity(basis.cols(), basis.cols());
-  const ReducedMatrix inverse = information.ldlt().solve(
-      ReducedMatrix::Identity(basis.cols(), basis.cols()));
-  return basis * inverse * basis.transpose();
+  information.diagonal().array() += 1e-9;
+  const auto size = information.rows();
+  const ReducedMatrix inverse =
+      information.ldlt().solve(ReducedMatrix::Identity(size, size));
+  return basis * inverse.topLeftCorner(basis.cols(), basis.cols()) *
+         basis.transpose();
 }
 
 }  // namespace dgsfm

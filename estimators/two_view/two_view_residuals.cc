@@ -53,76 +53,64 @@ Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
   return jacobian;
 }
 
-bool TransferMatch(TransferDirection direction,
-                   const TwoViewModel& model,
+bool TransferMatch(const TwoViewModel& model,
                    const Eigen::Vector2d& x1,
                    double depth1,
                    const Eigen::Vector2d& x2,
                    double depth2,
                    Transfer* transfer) {
-  const bool forward = direction == TransferDirection::FORWARD;
-  const double scaled_depth2 = model.scale * depth2;
-  if (forward) {
-    const double ratio = depth1 / model.focal1;
-    transfer->ray = model.rotation *
-                    Eigen::Vector3d(ratio * x1.x(), ratio * x1.y(), depth1);
-    transfer->point = transfer->ray + model.translation;
-  } else {
-    const double ratio = scaled_depth2 / model.focal2;
-    const Eigen::Vector3d point2(ratio * x2.x(), ratio * x2.y(), scaled_depth2);
-    transfer->ray = model.rotation.transpose() * point2;
-    transfer->point = model.rotation.transpose() * (point2 - model.translation);
-  }
+  const double ratio = depth1 / model.focal1;
+  transfer->ray =
+      model.rotation * Eigen::Vector3d(ratio * x1.x(), ratio * x1.y(), depth1);
+  transfer->point = transfer->ray + model.translation;
   const double z = transfer->point.z();
   if (!(z > 0 && z * z > kMinSqDepthRatio * transfer->point.squaredNorm())) {
     return false;
   }
-  transfer->error_px = ((forward ? model.focal2 : model.focal1) / z) *
-                           transfer->point.head<2>() -
-                       (forward ? x2 : x1);
-  const double observed_depth = forward ? scaled_depth2 : depth1;
+  transfer->error_px = (model.focal2 / z) * transfer->point.head<2>() - x2;
   transfer->log_depth_ratio =
-      observed_depth > 0 ? std::log(z / observed_depth) : 0;
+      depth2 > 0 ? std::log(z / (model.scale * depth2)) : 0;
   return true;
 }
 
-TwoViewStep TransferGradient(TransferDirection direction,
-                             const TwoViewModel& model,
+TwoViewStep TransferGradient(const TwoViewModel& model,
                              const Transfer& transfer,
                              const Eigen::Vector2d& pixel_weights,
                              double log_depth_weight) {
-  const bool forward = direction == TransferDirection::FORWARD;
   const double inverse_z = 1 / transfer.point.z();
-  const double pixels_per_unit =
-      (forward ? model.focal2 : model.focal1) * inverse_z;
-  // By the log focal length of the image that the point is seen in.
-  const double by_focal =
+  const double pixels_per_unit = model.focal2 * inverse_z;
+  const double by_focal2 =
       pixels_per_unit * pixel_weights.dot(transfer.point.head<2>());
-  // By the transferred point.
-  const Eigen::Vector3d c(pixels_per_unit * pixel_weights.x(),
-                          pixels_per_unit * pixel_weights.y(),
-                          (log_depth_weight - by_focal) * inverse_z);
+  const Eigen::Vector3d by_point(pixels_per_unit * pixel_weights.x(),
+                                 pixels_per_unit * pixel_weights.y(),
+                                 (log_depth_weight - by_focal2) * inverse_z);
   TwoViewStep gradient;
-  if (forward) {
-    gradient.head<3>() = transfer.ray.cross(c);
-    gradient.segment<3>(3) = c;
-    gradient(kLogScaleParam) = -log_depth_weight;
-    // The ray without its part along the optical axis of view 1, whose length
-    // is the depth and does not change.
-    const double depth1 = model.rotation.col(2).dot(transfer.ray);
-    gradient(kLogFocal1Param) =
-        depth1 * model.rotation.col(2).dot(c) - transfer.ray.dot(c);
-    gradient(kLogFocal2Param) = by_focal;
-  } else {
-    const Eigen::Vector3d c2 = model.rotation * c;
-    const Eigen::Vector3d point2 = model.rotation * transfer.ray;
-    gradient.head<3>() = c2.cross(point2 - model.translation);
-    gradient.segment<3>(3) = -c2;
-    gradient(kLogScaleParam) = c.dot(transfer.ray);
-    gradient(kLogFocal1Param) = by_focal;
-    gradient(kLogFocal2Param) = -c2.head<2>().dot(point2.head<2>());
-  }
+  gradient.head<3>() = transfer.ray.cross(by_point);
+  gradient.segment<3>(3) = by_point;
+  gradient(kLogScaleParam) = -log_depth_weight;
+  // The focal length moves the ray but for its part along the optical axis of
+  // view 1, whose length is the depth.
+  const Eigen::Vector3d axis1 = model.rotation.col(2);
+  gradient(kLogFocal1Param) = axis1.dot(transfer.ray) * axis1.dot(by_point) -
+                              transfer.ray.dot(by_point);
+  gradient(kLogFocal2Param) = by_focal2;
   return gradient;
+}
+
+TwoViewMatrix InverseJacobian(const TwoViewModel& model) {
+  // (exp(w) R)^T = exp(-R^T w) R^T, and t' = -R^T t / s.
+  const Eigen::Matrix3d inverse_rotation = model.rotation.transpose();
+  TwoViewMatrix jacobian = TwoViewMatrix::Zero();
+  jacobian.topLeftCorner<3, 3>() = -inverse_rotation;
+  jacobian.block<3, 3>(3, 0) =
+      -inverse_rotation * CrossProductMatrix(model.translation) / model.scale;
+  jacobian.block<3, 3>(3, 3) = -inverse_rotation / model.scale;
+  jacobian.block<3, 1>(3, kLogScaleParam) =
+      inverse_rotation * model.translation / model.scale;
+  jacobian(kLogScaleParam, kLogScaleParam) = -1;
+  jacobian(kLogFocal1Param, kLogFocal2Param) = 1;
+  jacobian(kLogFocal2Param, kLogFocal1Param) = 1;
+  return jacobian;
 }
 
 }  // namespace dgsfm

@@ -23,6 +23,8 @@ enum TwoViewParam {
 };
 
 using TwoViewStep = Eigen::Matrix<double, kNumTwoViewParams, 1>;
+using TwoViewMatrix =
+    Eigen::Matrix<double, kNumTwoViewParams, kNumTwoViewParams>;
 
 // The model moved by a step of local parameters.
 TwoViewModel Retract(const TwoViewModel& model, const TwoViewStep& step);
@@ -84,14 +86,11 @@ inline double SampsonError(
   return value * inverse_norm;
 }
 
-// FORWARD: from view 1 to view 2, BACKWARD: from 2 to 1.
-enum class TransferDirection { FORWARD, BACKWARD };
-
-// A point of one view with depth, seen from the other.
+// A point of view 1 with depth, seen from view 2.
 struct Transfer {
-  // Position in the other camera frame [units of depth map 1].
+  // Position in the frame of camera 2 [units of depth map 1].
   Eigen::Vector3d point;
-  // The same minus the translation part: moves in proportion to the depth.
+  // The same minus the translation: moves in proportion to the depth.
   Eigen::Vector3d ray;
   // Projection minus matched image point [px].
   Eigen::Vector2d error_px;
@@ -99,11 +98,10 @@ struct Transfer {
   double log_depth_ratio = 0;
 };
 
-// False if the point is not in front of the other camera; the output is then
-// not set. An unknown (zero) depth of the matched point leaves log_depth_ratio
-// at zero.
-bool TransferMatch(TransferDirection direction,
-                   const TwoViewModel& model,
+// False if the point is not in front of camera 2; the output is then not set.
+// An unknown (zero) depth of the matched point leaves log_depth_ratio at zero.
+// The transfer from view 2 to 1 is that of model.Inverse().
+bool TransferMatch(const TwoViewModel& model,
                    const Eigen::Vector2d& x1,
                    double depth1,
                    const Eigen::Vector2d& x2,
@@ -113,10 +111,13 @@ bool TransferMatch(TransferDirection direction,
 // Derivative of
 //   pixel_weights . error_px + log_depth_weight * log_depth_ratio
 // with respect to the local parameters, for a matched point with known depth.
-TwoViewStep TransferGradient(TransferDirection direction,
-                             const TwoViewModel& model,
+TwoViewStep TransferGradient(const TwoViewModel& model,
                              const Transfer& transfer,
                              const Eigen::Vector2d& pixel_weights,
                              double log_depth_weight);
+
+// Derivative of the local parameters of model.Inverse() with respect to those
+// of the model.
+TwoViewMatrix InverseJacobian(const TwoViewModel& model);
 
 }  // namespace dgsfm

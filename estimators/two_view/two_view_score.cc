@@ -41,19 +41,19 @@ bool Cheirality::operator()(const Eigen::Vector2d& x1,
 
 TwoViewScorer::TwoViewScorer(const TwoViewData& data, double max_error_px)
     : data_(data), max_error_px_(max_error_px) {
-  const int size = (data.Size() + kBlock - 1) / kBlock * kBlock;
+  const int size = static_cast<int>(data.size() + kBlock - 1) / kBlock * kBlock;
   x1_ = y1_ = x2_ = y2_ = Eigen::ArrayXf::Zero(size);
-  for (int i = 0; i < data.Size(); ++i) {
-    x1_(i) = static_cast<float>(data.points1[i].x());
-    y1_(i) = static_cast<float>(data.points1[i].y());
-    x2_(i) = static_cast<float>(data.points2[i].x());
-    y2_(i) = static_cast<float>(data.points2[i].y());
-  }
-  if (data.covariances1.empty()) return;
   covariances1_ = covariances2_ = Eigen::ArrayX3f::Zero(size, 3);
-  for (int i = 0; i < data.Size(); ++i) {
-    covariances1_.row(i) = data.covariances1[i].cast<float>().transpose();
-    covariances2_.row(i) = data.covariances2[i].cast<float>().transpose();
+  for (size_t i = 0; i < data.size(); ++i) {
+    const TwoViewMatch& match = data[i];
+    x1_(i) = static_cast<float>(match.x1.x());
+    y1_(i) = static_cast<float>(match.x1.y());
+    x2_(i) = static_cast<float>(match.x2.x());
+    y2_(i) = static_cast<float>(match.x2.y());
+    covariances1_.row(i) = match.covariance1.cast<float>().transpose();
+    covariances2_.row(i) = match.covariance2.cast<float>().transpose();
+    has_unit_covariances_ &= match.covariance1 == UnitPointCovariance() &&
+                             match.covariance2 == UnitPointCovariance();
   }
 }
 
@@ -71,7 +71,7 @@ TwoViewScorer::Values TwoViewScorer::SqErrors(const Eigen::Matrix3f& F,
   const Values b1 = F(0, 1) * x2 + F(1, 1) * y2 + F(2, 1);
   const Values value =
       a0 * x2 + a1 * y2 + (F(2, 0) * x1 + F(2, 1) * y1 + F(2, 2));
-  if (covariances1_.size() == 0) {
+  if (has_unit_covariances_) {
     return value.square() / (a0.square() + a1.square() + b0.square() +
                              b1.square() + min_sq_norm);
   }
@@ -91,10 +91,11 @@ std::vector<int> TwoViewScorer::Near(const Eigen::Matrix3d& F,
                                      int max_num) const {
   const Eigen::Matrix3f unit_F = UnitMatrix(F);
   const float max_sq_error = static_cast<float>(max_error_px * max_error_px);
+  // Matches are in random order, so that the first are a fair sample.
   std::vector<int> near;
-  for (int begin = 0; begin < data_.Size(); begin += kBlock) {
+  for (int begin = 0; begin < NumMatches(); begin += kBlock) {
     const Values sq_errors = SqErrors(unit_F, begin);
-    const int size = std::min(kBlock, data_.Size() - begin);
+    const int size = std::min(kBlock, NumMatches() - begin);
     for (int k = 0; k < size; ++k) {
       if (!(sq_errors(k) < max_sq_error)) continue;
       if (static_cast<int>(near.size()) == max_num) return near;
@@ -112,9 +113,9 @@ TwoViewScore TwoViewScorer::ScoreMatches(const Eigen::Matrix3d& F,
   const float max_sq_error = static_cast<float>(max_error_px_ * max_error_px_);
   TwoViewScore score;
   score.cost = 0;
-  for (int begin = 0; begin < data_.Size(); begin += kBlock) {
+  for (int begin = 0; begin < NumMatches(); begin += kBlock) {
     const Values sq_errors = SqErrors(unit_F, begin);
-    const int size = std::min(kBlock, data_.Size() - begin);
+    const int size = std::min(kBlock, NumMatches() - begin);
     for (int k = 0; k < size; ++k) {
       // Also if it is not a number.
       if (!(sq_errors(k) < max_sq_error) || !is_inlier(begin + k)) {
@@ -124,6 +125,7 @@ TwoViewScore TwoViewScorer::ScoreMatches(const Eigen::Matrix3d& F,
       score.cost += sq_errors(k);
       ++score.num_inliers;
     }
+    // Most samples are bad and end after a block or two.
     if (score.cost > max_cost) return {};
   }
   return score;
@@ -133,7 +135,7 @@ TwoViewScore TwoViewScorer::Score(const TwoViewModel& model,
                                   double max_cost) const {
   const Cheirality is_in_front(model, max_error_px_);
   return ScoreMatches(model.FundamentalMatrix(), max_cost, [&](int i) {
-    return is_in_front(data_.points1[i], data_.points2[i]);
+    return is_in_front(data_[i].x1, data_[i].x2);
   });
 }
 

@@ -42,16 +42,17 @@ class TwoViewScorer {
   TwoViewScorer(const TwoViewData& data, double max_error_px);
 
   // Scores stop (with an infinite cost) once `max_cost` is exceeded.
-  TwoViewScore Score(const TwoViewModel& model, double max_cost) const;
+  TwoViewScore Score(
+      const TwoViewModel& model,
+      double max_cost = std::numeric_limits<double>::infinity()) const;
   // Without the test for points behind the cameras.
-  TwoViewScore Score(const Eigen::Matrix3d& F, double max_cost) const;
+  TwoViewScore Score(
+      const Eigen::Matrix3d& F,
+      double max_cost = std::numeric_limits<double>::infinity()) const;
   // The first `max_num` matches with a Sampson error below `max_error_px`.
   std::vector<int> Near(const Eigen::Matrix3d& F,
                         double max_error_px,
                         int max_num) const;
-  TwoViewScore Score(const TwoViewModel& model) const {
-    return Score(model, std::numeric_limits<double>::infinity());
-  }
 
  private:
   static constexpr int kBlock = 16;
@@ -64,8 +65,11 @@ class TwoViewScorer {
                             double max_cost,
                             const IsInlier& is_inlier) const;
 
+  int NumMatches() const { return static_cast<int>(data_.size()); }
+
   const TwoViewData& data_;
   const double max_error_px_;
+  bool has_unit_covariances_ = true;
   // Padded to whole blocks.
   Eigen::ArrayXf x1_, y1_, x2_, y2_;
   Eigen::ArrayX3f covariances1_, covariances2_;

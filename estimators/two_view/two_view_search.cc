@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <memory>
 #include <vector>
 
 namespace dgsfm {
@@ -48,7 +47,7 @@ class Search {
  private:
   // Samples of one kind.
   struct Stream {
-    std::unique_ptr<HypothesisSource> source;
+    HypothesisSource source;
     int num_trials = 0;
     double best_cost = std::numeric_limits<double>::infinity();
     Hypothesis best;
@@ -60,7 +59,6 @@ class Search {
   TwoViewCandidate Optimize(const TwoViewModel& start,
                             FirstRound first_round,
                             bool with_depth) const;
-  void OptimizeWithDepth(const TwoViewModel& model);
   void OptimizeWithoutDepth(const TwoViewModel& model);
   void Keep(const TwoViewCandidate& candidate);
   bool IsDone(const Stream& stream,
@@ -76,7 +74,6 @@ class Search {
   const TwoViewDepthOptions& options_;
   SplitMix64* const random_;
   Stream depth_, epipolar_;
-  std::vector<Hypothesis> hypotheses_;
   TwoViewSearchResult result_;
 };
 
@@ -104,10 +101,12 @@ TwoViewSearchResult Search::Run() {
   constexpr double kUselessDepthShare = 0.1;
   // Samples of inliers alone are not all good under noise.
   constexpr double kMargin = 2;
-  double depth_share = !depth_.source ? 0 : !epipolar_.source ? 1 : kDepthShare;
+  const bool has_depth = depth_.source.sample_size > 0;
+  const bool has_epipolar = epipolar_.source.sample_size > 0;
+  double depth_share = !has_depth ? 0 : !has_epipolar ? 1 : kDepthShare;
   const int min_num_trials =
       std::min(kMinNumTrialsToOptimize, options_.min_num_trials / 2);
-  while (depth_.source || epipolar_.source) {
+  while (has_depth || has_epipolar) {
     Stream& stream =
         random_->Below(1024) < depth_share * 1024 ? depth_ : epipolar_;
     Try(&stream);
@@ -118,8 +117,8 @@ TwoViewSearchResult Search::Run() {
     if (result_.num_trials < options_.min_num_trials) continue;
     const double inlier_ratio = InlierRatio();
     const double depth_inlier_ratio = DepthInlierRatio();
-    if (result_.num_trials % options_.min_num_trials == 0 && depth_.source &&
-        epipolar_.source) {
+    if (result_.num_trials % options_.min_num_trials == 0 && has_depth &&
+        has_epipolar) {
       depth_share = DepthsAreUseful() ? kDepthShare : kUselessDepthShare;
     }
     // Useless depth is to cost no trials of the other kind.
@@ -138,8 +137,7 @@ TwoViewSearchResult Search::Run() {
 // Scores the hypotheses of one more sample.
 void Search::Try(Stream* stream) {
   ++stream->num_trials;
-  stream->source->Sample(random_, &hypotheses_);
-  for (const Hypothesis& hypothesis : hypotheses_) {
+  for (const Hypothesis& hypothesis : stream->source.sample(random_)) {
     const TwoViewScore score =
         hypothesis.is_fundamental
             ? problem_.Scorer().Score(hypothesis.fundamental, stream->best_cost)
@@ -165,14 +163,9 @@ void Search::OptimizeBest(Stream* stream) {
         Keep(Optimize(model, FROM_GUESS, false));
       }
     } else {
-      OptimizeWithDepth(model);
+      Keep(Optimize(model, FROM_DEPTH, true));
     }
   }
-}
-
-void Search::OptimizeWithDepth(const TwoViewModel& model) {
-  Keep(problem_.Evaluate(model, true));
-  Keep(Optimize(model, FROM_DEPTH, true));
 }
 
 void Search::OptimizeWithoutDepth(const TwoViewModel& model) {
@@ -190,8 +183,7 @@ TwoViewCandidate Search::Optimize(const TwoViewModel& start,
   TwoViewModel model = start;
   for (size_t k = first_round; k < std::size(kRounds); ++k) {
     const Round& round = kRounds[k];
-    TwoViewCostOptions cost_options =
-        problem_.CostOptions(problem_.SearchTerm(with_depth));
+    TwoViewCostOptions cost_options = problem_.CostOptions(with_depth);
     cost_options.max_epipolar_error_px *= round.widening;
     cost_options.max_depth_residual *= round.widening;
     if (round.capped) cost_options.log_depth_stddev *= problem_.DepthCap();
@@ -200,7 +192,7 @@ TwoViewCandidate Search::Optimize(const TwoViewModel& start,
     refinement_options.min_relative_decrease = 1e-3;
     const std::vector<int> active = problem_.Active(
         model, cost_options.max_epipolar_error_px, round.max_num_matches);
-    RefineModel(problem_.Data().Subset(active),
+    RefineModel(Subset(problem_.Data(), active),
                 problem_.Range().focal_case,
                 cost_options,
                 refinement_options,
@@ -218,7 +210,7 @@ void Search::Keep(const TwoViewCandidate& candidate) {
 double Search::InlierRatio() const {
   const int num_inliers = std::max(result_.with_depth.score.num_inliers,
                                    result_.without_depth.score.num_inliers);
-  return static_cast<double>(num_inliers) / problem_.Data().Size();
+  return static_cast<double>(num_inliers) / problem_.Data().size();
 }
 
 // Inliers whose depths are right, too.
@@ -238,8 +230,8 @@ bool Search::IsDone(const Stream& stream,
                     double inlier_ratio,
                     double confidence,
                     double margin) const {
-  if (!stream.source) return false;
-  const double good = std::pow(inlier_ratio, stream.source->SampleSize());
+  if (stream.source.sample_size == 0) return false;
+  const double good = std::pow(inlier_ratio, stream.source.sample_size);
   if (good >= 1) return true;
   return stream.num_trials * std::log1p(-good) <
          margin * std::log1p(-confidence);
@@ -250,9 +242,9 @@ bool Search::IsHopeless() const {
   constexpr double kConfidence = 0.99;
   const double inlier_ratio = std::min(
       1.0,
-      static_cast<double>(problem_.MinNumInliers()) / problem_.Data().Size());
+      static_cast<double>(problem_.MinNumInliers()) / problem_.Data().size());
   const auto is_exhausted = [&](const Stream& stream) {
-    return !stream.source ||
+    return stream.source.sample_size == 0 ||
            IsDone(stream, inlier_ratio, kConfidence, /*margin=*/1);
   };
   return InlierRatio() < inlier_ratio && is_exhausted(depth_) &&

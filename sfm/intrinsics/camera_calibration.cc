@@ -1,7 +1,7 @@
 #include "sfm/intrinsics/camera_calibration.h"
 
 #include "estimators/averaging/focal_population.h"
-#include "estimators/two_view/two_view_model.h"
+#include "estimators/median.h"
 #include "sfm/intrinsics/camera_groups.h"
 #include "sfm/intrinsics/prior_trust.h"
 
@@ -48,15 +48,19 @@ FocalEstimates EstimatesOfPairs(const PairGeometries& pairs,
   return estimates;
 }
 
-// False if there are no estimates.
-bool SetAverage(const std::vector<double>& estimates,
+// Sets the median of the logarithms. False if there are no estimates.
+bool SetAverage(const std::vector<double>& estimates_px,
                 CameraFocal* focal,
                 colmap::Camera* camera) {
-  const auto averaged = AverageFocals(estimates);
-  if (!averaged) return false;
-  focal->num_estimates = estimates.size();
-  focal->log_spread = averaged->log_spread;
-  SetFocalLength(averaged->focal_length_px, camera);
+  if (estimates_px.empty()) return false;
+  std::vector<double> logs;
+  for (const double estimate_px : estimates_px) {
+    logs.push_back(std::log(estimate_px));
+  }
+  const double median = Median(logs);
+  focal->num_estimates = logs.size();
+  focal->log_spread = RobustStddev(logs, median);
+  SetFocalLength(std::exp(median), camera);
   return true;
 }
 
@@ -123,61 +127,6 @@ void AddExif(const FocalPrior& exif,
       camera);
 }
 
-Eigen::Matrix3d FundamentalOfPair(const PairGeometry& pair) {
-  TwoViewModel model;
-  model.rotation = pair.cam2_from_cam1.rotation.toRotationMatrix();
-  model.translation = pair.cam2_from_cam1.translation;
-  model.focal1 = pair.focal_length1_px;
-  model.focal2 = pair.focal_length2_px;
-  return model.FundamentalMatrix();
-}
-
-void CalibrateFromFundamentals(
-    const PairGeometries& pairs,
-    Scene* scene,
-    std::map<colmap::camera_t, CameraFocal>* focals) {
-  std::vector<colmap::camera_t> camera_ids;
-  std::vector<double> focal_lengths_px;
-  std::vector<char> known;
-  for (const auto& [camera_id, focal] : *focals) {
-    camera_ids.push_back(camera_id);
-    focal_lengths_px.push_back(focal.focal_length_px);
-    known.push_back(focal.source == FocalSource::PRIOR ||
-                    focal.source == FocalSource::PAIRS ||
-                    focal.source == FocalSource::EXIF);
-  }
-  if (std::all_of(known.begin(), known.end(), [](char k) { return k; })) {
-    return;
-  }
-  const auto index_of = [&](colmap::image_t image_id) {
-    const colmap::camera_t camera_id = scene->images.at(image_id).CameraId();
-    return int(
-        std::lower_bound(camera_ids.begin(), camera_ids.end(), camera_id) -
-        camera_ids.begin());
-  };
-  std::vector<PairFundamental> fundamentals;
-  for (const auto& [pair_id, pair] : pairs) {
-    if (pair.status != PairStatus::VALID ||
-        pair.cam2_from_cam1.translation.norm() == 0) {
-      continue;
-    }
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    PairFundamental fundamental;
-    fundamental.camera1 = index_of(image_id1);
-    fundamental.camera2 = index_of(image_id2);
-    fundamental.F = FundamentalOfPair(pair);
-    fundamentals.push_back(fundamental);
-  }
-  if (fundamentals.empty()) return;
-  const std::vector<char> estimated =
-      CalibrateViewGraph(fundamentals, known, {}, &focal_lengths_px);
-  for (size_t i = 0; i < camera_ids.size(); ++i) {
-    if (known[i] || !estimated[i]) continue;
-    (*focals)[camera_ids[i]] = {FocalSource::VIEW_GRAPH, focal_lengths_px[i]};
-    SetFocalLength(focal_lengths_px[i], &scene->cameras.at(camera_ids[i]));
-  }
-}
-
 }  // namespace
 
 std::string FocalSourceName(FocalSource source) {
@@ -186,8 +135,6 @@ std::string FocalSourceName(FocalSource source) {
       return "prior";
     case FocalSource::PAIRS:
       return "pairs";
-    case FocalSource::VIEW_GRAPH:
-      return "view_graph";
     case FocalSource::EXIF:
       return "exif";
     case FocalSource::SIMILAR_CAMERAS:
@@ -216,7 +163,6 @@ std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
     focal.focal_length_px = camera.MeanFocalLength();
   }
   if (relate_cameras) ShrinkToPopulations(scene, &focals);
-  CalibrateFromFundamentals(pairs, scene, &focals);
   return focals;
 }
 

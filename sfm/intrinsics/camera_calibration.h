@@ -2,7 +2,6 @@
 
 #pragma once
 
-#include "estimators/averaging/focal_averaging.h"
 #include "sfm/view_graph/view_graph.h"
 
 #include <map>
@@ -14,7 +13,6 @@ enum class FocalSource {
   PRIOR,            // given by the user: untouched
   PAIRS,            // median of the depth-aware pair estimates (DGSfM Sec. 3.3)
   EXIF,             // as the camera wrote it into the image
-  VIEW_GRAPH,       // from fundamental matrices, no depth
   SIMILAR_CAMERAS,  // median of cameras of the same kind
   DEFAULT,          // no evidence: the value in the database
 };
@@ -32,9 +30,9 @@ struct CameraFocal {
 // Sets the focal length of every camera without a prior focal length from the
 // valid pairs: the median over all images of the camera, averaged with EXIF's
 // where the two agree; without estimates that of EXIF; where there is none
-// either, by calibrating the view graph from the pairs' fundamental matrices;
-// where that fails, the value stays. With relate_cameras, estimates of cameras
-// of one kind are drawn towards each other first, see ShrinkLogFocals.
+// either, the value stays. With relate_cameras, estimates of cameras of one
+// kind are drawn towards each other, and cameras without evidence get the
+// median of their kind, see ShrinkLogFocals.
 std::map<colmap::camera_t, CameraFocal> AverageFocalsOfCameras(
     const PairGeometries& pairs, bool relate_cameras, Scene* scene);
 

@@ -1,24 +1,25 @@
 #include "sfm/intrinsics/intrinsics_posterior.h"
 
 #include "colmap_ext/pose_access.h"
-#include "estimators/optimization/camera_projection.h"
-#include "estimators/optimization/reduced_camera_system.h"
+#include "estimators/optimization/point_elimination.h"
+#include "estimators/optimization/reduced_system.h"
+#include "sfm/intrinsics/posterior_columns.h"
 #include "sfm/mapping/model_access.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
+#include <tuple>
 #include <utility>
 
 namespace dgsfm {
 
 namespace {
 
-// Standard deviation of the poses that fix the gauge, of the image errors'
-// unit: any value that is small against what the data say.
-constexpr double kGaugeStddev = 1e-6;
-constexpr int kNumPoseParams = 6;
+// Information that every parameter has at least, relative to what it would have
+// with all others known: images that share no track have no common scale, which
+// must not hide what is known about all else.
+constexpr double kDamping = 1e-11;
 // Scale of the soft L1 loss, of that of the adjustment: residuals of points
 // that few images see follow so narrow a loss, and with it tell of less noise
 // than there is.
@@ -29,12 +30,6 @@ constexpr double kLossFactor = 4;
 constexpr double kSmoothErrorRatio = 2e-4;
 // Monomials of degree two and three in two coordinates.
 constexpr int kNumMonomials = 7;
-
-Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return matrix;
-}
 
 // Monomials of the image coordinates, which are relative to the centre [half
 // the larger side]. Those of degree zero and one are left out: rotations and
@@ -50,43 +45,8 @@ Eigen::Matrix<double, kNumMonomials, 1> Monomials(
   return monomials;
 }
 
-// At most so many images of a model: from the one with the most points, always
-// the next that shares the most points with those chosen.
-std::set<colmap::image_t> ChooseImages(const colmap::Reconstruction& model,
-                                       size_t max_num_images) {
-  std::map<colmap::image_t, size_t> num_shared;
-  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
-    if (model.Image(image_id).NumPoints3D() > 0) num_shared[image_id] = 0;
-  }
-  std::set<colmap::image_t> chosen;
-  if (num_shared.size() <= max_num_images) {
-    for (const auto& [image_id, count] : num_shared) chosen.insert(image_id);
-    return chosen;
-  }
-  const auto priority = [&](const auto& entry) {
-    return std::make_pair(entry.second, model.Image(entry.first).NumPoints3D());
-  };
-  while (chosen.size() < max_num_images) {
-    const auto best = std::max_element(num_shared.begin(),
-                                       num_shared.end(),
-                                       [&](const auto& a, const auto& b) {
-                                         return priority(a) < priority(b);
-                                       });
-    const colmap::image_t image_id = best->first;
-    num_shared.erase(best);
-    chosen.insert(image_id);
-    for (const colmap::Point2D& point2D : model.Image(image_id).Points2D()) {
-      if (!point2D.HasPoint3D()) continue;
-      for (const colmap::TrackElement& element :
-           model.Point3D(point2D.Point3DId()).Track().Elements()) {
-        const auto it = num_shared.find(element.image_id);
-        if (it != num_shared.end()) ++it->second;
-      }
-    }
-  }
-  return chosen;
-}
-
+// The normal equations of poses, points and intrinsics at a model, and what
+// follows from them.
 class PosteriorProblem {
  public:
   PosteriorProblem(const BundleAdjustmentOptions& options,
@@ -94,253 +54,281 @@ class PosteriorProblem {
                    const colmap::Reconstruction& model,
                    IntrinsicsBlocks blocks,
                    size_t max_num_images)
-      : options_(options), beliefs_(beliefs), model_(model), blocks_(blocks) {
-    for (const colmap::image_t image_id : ChooseImages(model, max_num_images)) {
-      first_pose_param_[image_id] = num_params_;
-      num_params_ += kNumPoseParams;
-      const colmap::Image& image = model.Image(image_id);
-      Block& block = intrinsics_[BlockOf(image)];
-      if (block.camera_id == colmap::kInvalidCameraId) {
-        block.camera_id = CameraIdOf(image);
-      }
-    }
-    for (auto& [block_id, block] : intrinsics_) AddIntrinsics(&block);
+      : options_(options),
+        model_(model),
+        unknowns_(options.intrinsics, beliefs, model, blocks, max_num_images) {
+    AddObservations();
   }
 
   std::optional<IntrinsicsPosterior> Solve() {
-    ReducedCameraSystem system(num_params_);
-    const std::vector<colmap::point3D_t> point_ids = SortedPoints(model_);
-    size_t num_points = 0;
-    for (const colmap::point3D_t point_id : point_ids) {
-      const std::vector<Observation> observations = ObservationsOf(point_id);
-      for (const Observation& observation : observations) Count(observation);
-      system.AddPoint(LinearizedOf(observations));
-      num_points += !observations.empty();
+    const std::optional<double> unit_variance = UnitVariance();
+    if (!unit_variance) return std::nullopt;
+    Elimination elimination(index_, unknowns_.columns, /*num_threads=*/1);
+    elimination.Rows() = std::move(rows_);
+    ReducedSystem system(unknowns_.num_columns, elimination.Pattern());
+    elimination.Attach(system);
+    Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(unknowns_.num_columns);
+    Eigen::VectorXd gradient = diagonal;
+    elimination.Accumulate(&diagonal, &gradient);
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(unknowns_.num_columns);
+    system.SetZero();
+    elimination.Eliminate(kDamping, &system, &step);
+    // The normal matrix has the weights, in units of this variance.
+    for (const PosteriorColumns::Prior& prior : unknowns_.priors) {
+      const double information = *unit_variance / (prior.stddev * prior.stddev);
+      diagonal(prior.column) += information;
+      system.Values()[system.EntryOf(prior.column, prior.column)] +=
+          information;
+      step(prior.column) -= information * prior.deviation;
     }
-    const double redundancy =
-        2 * double(num_observations_) - num_params_ - 3 * double(num_points);
-    if (!(redundancy > 0) || sum_squared_influences_ == 0) return std::nullopt;
-    const double count = double(num_observations_);
-    const double mean_weight = sum_weights_ / count;
-    const double mean_slope = sum_slopes_ / count;
-    const double variance =
-        sum_squared_influences_ / redundancy / (mean_slope * mean_slope);
-    // The normal matrix has the weights.
-    const double unit_variance = mean_weight * variance;
-    for (const Prior& prior : priors_) {
-      system.AddPrior(prior.param,
-                      prior.stddev / std::sqrt(unit_variance),
-                      prior.deviation);
+    for (int i = 0; i < unknowns_.num_columns; ++i) {
+      // An image without observations leaves its pose open, no more.
+      system.Values()[system.EntryOf(i, i)] +=
+          kDamping * std::max(diagonal(i), 1.0);
     }
-    FixGauge(&system);
-    std::vector<int> free_params;
-    for (const auto& [block_id, block] : intrinsics_) {
-      for (const int param : block.params) {
-        if (param >= 0) free_params.push_back(param);
-      }
-    }
-    const auto marginal = system.MarginalOf(free_params);
-    if (!marginal) return std::nullopt;
-    return PosteriorFrom(*marginal,
-                         RealisticCovariances(*marginal, unit_variance));
+    return PosteriorFrom(elimination, step, *unit_variance, &system);
   }
 
  private:
-  struct Prior {
-    int param = 0;
-    double stddev = 0;
-    // Deviation of the model's value from the mean.
-    double deviation = 0;
-  };
-
-  // Intrinsics that some images share.
-  struct Block {
-    // Their camera, of a group the first.
-    colmap::camera_t camera_id = colmap::kInvalidCameraId;
-    // Indices of the parameters; -1 where held.
-    std::vector<int> params;
-  };
+  using Elimination = PointElimination<2, kNumPoseParams + kMaxNumCameraParams>;
 
   struct Observation {
-    colmap::image_t image_id = colmap::kInvalidImageId;
+    int image = 0;
     Eigen::Vector2d xy_px;
-    // Before weighting [px].
-    Eigen::Vector2d residual_px;
     // Weight by the soft L1 loss.
     double weight = 1;
-    LinearizedObservation linearized;
   };
 
-  colmap::camera_t CameraIdOf(const colmap::Image& image) const {
-    if (blocks_ == IntrinsicsBlocks::BY_IMAGE) return image.CameraId();
-    return beliefs_.FirstOfGroup(image.CameraId());
-  }
-
-  uint32_t BlockOf(const colmap::Image& image) const {
-    return blocks_ == IntrinsicsBlocks::BY_IMAGE ? image.ImageId()
-                                                 : CameraIdOf(image);
-  }
-
-  void AddIntrinsics(Block* block) {
-    const Eigen::VectorXd stddevs =
-        PriorStddevs(options_.intrinsics, beliefs_, block->camera_id);
-    const colmap::Camera& camera = model_.Camera(block->camera_id);
-    const Eigen::VectorXd deviations =
-        Eigen::Map<const Eigen::VectorXd>(camera.ParamsData(), stddevs.size()) -
-        PriorMean(beliefs_, block->camera_id);
-    for (const double stddev : stddevs) {
-      block->params.push_back(stddev == 0 ? -1 : num_params_++);
-    }
-    for (const RobustPrior& prior :
-         SplitPriors(options_.intrinsics, beliefs_, block->camera_id)) {
-      // A Cauchy loss weakens the prior of values far off.
-      double squared_distance = 0;
-      for (const Eigen::Index i : prior.idxs) {
-        squared_distance += std::pow(deviations(i) / stddevs(i), 2);
+  // Those of the chosen images that the camera models can project, of points
+  // with two or more.
+  void AddObservations() {
+    index_.num_cameras = int(unknowns_.image_ids.size());
+    for (const colmap::point3D_t point_id : SortedPoints(model_)) {
+      std::vector<std::pair<Observation, Elimination::Row>> observations;
+      for (const colmap::TrackElement& element :
+           model_.Point3D(point_id).Track().Elements()) {
+        const auto image = std::lower_bound(unknowns_.image_ids.begin(),
+                                            unknowns_.image_ids.end(),
+                                            element.image_id);
+        Observation observation;
+        Elimination::Row row;
+        observation.image = int(image - unknowns_.image_ids.begin());
+        if (image != unknowns_.image_ids.end() && *image == element.image_id &&
+            Linearize(element, &observation, &row)) {
+          observations.emplace_back(observation, row);
+        }
       }
-      const double loosening = std::sqrt(
-          1 + squared_distance / (prior.loss_scale * prior.loss_scale));
-      for (const Eigen::Index i : prior.idxs) {
-        priors_.push_back(
-            {block->params[size_t(i)], stddevs(i) * loosening, deviations(i)});
+      if (observations.size() < 2) continue;
+      std::stable_sort(observations.begin(),
+                       observations.end(),
+                       [](const auto& a, const auto& b) {
+                         return a.first.image < b.first.image;
+                       });
+      for (const auto& [observation, row] : observations) {
+        index_.cameras.push_back(observation.image);
+        index_.points.push_back(index_.num_points);
+        observations_.push_back(observation);
+        rows_.push_back(row);
       }
+      ++index_.num_points;
     }
-  }
-
-  // Those of the chosen images that the camera models can project.
-  std::vector<Observation> ObservationsOf(colmap::point3D_t point_id) const {
-    std::vector<Observation> observations;
-    for (const colmap::TrackElement& element :
-         model_.Point3D(point_id).Track().Elements()) {
-      if (first_pose_param_.count(element.image_id) == 0) continue;
-      Observation observation;
-      if (Linearize(element, &observation)) {
-        observations.push_back(std::move(observation));
-      }
-    }
-    // A point with one observation does not constrain the cameras.
-    if (observations.size() < 2) observations.clear();
-    return observations;
-  }
-
-  static std::vector<LinearizedObservation> LinearizedOf(
-      const std::vector<Observation>& observations) {
-    std::vector<LinearizedObservation> linearized;
-    for (const Observation& observation : observations) {
-      linearized.push_back(observation.linearized);
-    }
-    return linearized;
-  }
-
-  void Count(const Observation& observation) {
-    const double weight = observation.weight;
-    ++num_observations_;
-    sum_weights_ += weight;
-    sum_slopes_ += (weight + weight * weight * weight) / 2;
-    sum_squared_influences_ +=
-        weight * weight * observation.residual_px.squaredNorm();
   }
 
   bool Linearize(const colmap::TrackElement& element,
-                 Observation* observation) const {
+                 Observation* observation,
+                 Elimination::Row* row) const {
     const colmap::Image& image = model_.Image(element.image_id);
     const colmap::Camera& camera = model_.Camera(image.CameraId());
     const colmap::Point2D& point2D = image.Point2D(element.point2D_idx);
     const Rigid3d cam_from_world = CamFromWorld(image);
-    const Eigen::Vector3d point_in_cam =
-        cam_from_world * model_.Point3D(point2D.Point3DId()).XYZ();
+    const Eigen::Vector3d rotated =
+        cam_from_world.rotation * model_.Point3D(point2D.Point3DId()).XYZ();
     Eigen::Vector2d projection;
     ProjectionJacobian by;
     if (!ProjectionOfModel(camera.ModelId())(
-            camera.ParamsData(), point_in_cam, &projection, &by)) {
+            camera.ParamsData(),
+            rotated + cam_from_world.translation,
+            &projection,
+            &by)) {
       return false;
     }
-    observation->image_id = element.image_id;
     observation->xy_px = point2D.XY();
-    observation->residual_px = projection - point2D.XY();
+    const Eigen::Vector2d residual_px = projection - point2D.XY();
     const double loss_scale_px = kLossFactor * options_.loss_scale_px;
     observation->weight =
-        1 / std::sqrt(1 + observation->residual_px.squaredNorm() /
+        1 / std::sqrt(1 + residual_px.squaredNorm() /
                               (loss_scale_px * loss_scale_px));
-
-    LinearizedObservation& linearized = observation->linearized;
     const double root = std::sqrt(observation->weight);
-    linearized.residual = root * observation->residual_px;
-    linearized.point_jacobian =
-        root * by.point * cam_from_world.rotation.toRotationMatrix();
-    Eigen::Matrix<double, 2, kNumPoseParams> by_pose;
-    by_pose << -by.point *
-                   CrossMatrix(point_in_cam - cam_from_world.translation),
-        by.point;
-    const int first_pose_param = first_pose_param_.at(element.image_id);
-    const std::vector<int>& intrinsics = intrinsics_.at(BlockOf(image)).params;
-    auto& jacobian = linearized.camera_jacobian;
-    jacobian.resize(2, kNumPoseParams + Eigen::Index(intrinsics.size()));
-    jacobian.leftCols<kNumPoseParams>() = root * by_pose;
-    for (int i = 0; i < kNumPoseParams; ++i) {
-      linearized.params.push_back(first_pose_param + i);
+    row->residual = root * residual_px;
+    row->by_camera.setZero();
+    for (int i = 0; i < 2; ++i) {
+      const Eigen::Vector3d by_point = root * by.point.row(i);
+      row->by_camera.block<3, 1>(0, i) = rotated.cross(by_point);
+      row->by_camera.block<3, 1>(3, i) = by_point;
+      row->by_point.col(i) = cam_from_world.rotation.conjugate() * by_point;
     }
-    for (size_t i = 0; i < intrinsics.size(); ++i) {
-      if (intrinsics[i] < 0) continue;
-      jacobian.col(Eigen::Index(linearized.params.size())) =
-          root * by.params.col(Eigen::Index(i));
-      linearized.params.push_back(intrinsics[i]);
-    }
-    jacobian.conservativeResize(2, Eigen::Index(linearized.params.size()));
+    const auto num_params = Eigen::Index(camera.NumParams());
+    row->by_camera.middleRows(kNumPoseParams, num_params) =
+        root * by.params.leftCols(num_params).transpose();
     return true;
   }
 
-  // Covariances of the free parameters, see EstimateIntrinsicsPosterior.
+  // Variance of the residuals that the weights are relative to (Huber, Robust
+  // Statistics, Eq. 7.81); nothing without redundancy.
+  std::optional<double> UnitVariance() const {
+    double sum_weights = 0, sum_slopes = 0, sum_squared_influences = 0;
+    for (size_t k = 0; k < observations_.size(); ++k) {
+      const double weight = observations_[k].weight;
+      sum_weights += weight;
+      // Derivative of the influence of a residual, the mean of both directions.
+      sum_slopes += (weight + weight * weight * weight) / 2;
+      sum_squared_influences += weight * rows_[k].residual.squaredNorm();
+    }
+    const double count = double(observations_.size());
+    const double redundancy =
+        2 * count - unknowns_.num_columns - 3. * index_.num_points;
+    if (!(redundancy > 0) || sum_squared_influences == 0) return std::nullopt;
+    const double mean_slope = sum_slopes / count;
+    return sum_weights / count * sum_squared_influences / redundancy /
+           (mean_slope * mean_slope);
+  }
+
+  // From the free columns of all blocks to all parameters.
+  std::optional<IntrinsicsPosterior> PosteriorFrom(
+      const Elimination& elimination,
+      const Eigen::VectorXd& right_side,
+      double unit_variance,
+      ReducedSystem* system) const {
+    IntrinsicsPosterior posterior;
+    std::vector<Eigen::Index> rows;
+    std::vector<int> free_columns;
+    std::vector<double> values;
+    for (const auto& [block_id, block] : unknowns_.blocks) {
+      posterior.first_params[block_id] = Eigen::Index(values.size());
+      const colmap::Camera& camera = model_.Camera(block.camera_id);
+      for (size_t i = 0; i < block.columns.size(); ++i) {
+        if (block.columns[i] >= 0) {
+          rows.push_back(Eigen::Index(values.size()));
+          free_columns.push_back(block.columns[i]);
+        }
+        values.push_back(camera.Params(i));
+      }
+    }
+    const auto count = Eigen::Index(rows.size());
+    // The last column becomes the step, the others those of the inverse.
+    Eigen::MatrixXd right_sides =
+        Eigen::MatrixXd::Zero(unknowns_.num_columns, count + 1);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      right_sides(free_columns[i], i) = 1;
+    }
+    right_sides.col(count) = right_side;
+    Eigen::MatrixXd solution;
+    if (!system->Solve(right_sides, &solution)) return std::nullopt;
+    const Eigen::MatrixXd inverse = solution.leftCols(count);
+    Eigen::MatrixXd inverse_block(count, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      inverse_block.row(i) = inverse.row(free_columns[i]);
+    }
+    const Covariances covariances = RealisticCovariances(
+        elimination,
+        inverse,
+        unit_variance / 2 * (inverse_block + inverse_block.transpose()));
+
+    const auto size = Eigen::Index(values.size());
+    posterior.params = Eigen::Map<const Eigen::VectorXd>(values.data(), size);
+    posterior.covariance = Eigen::MatrixXd::Zero(size, size);
+    posterior.keypoint_covariance = Eigen::MatrixXd::Zero(size, size);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      posterior.params(rows[i]) += solution(free_columns[i], count);
+      for (Eigen::Index j = 0; j < count; ++j) {
+        posterior.covariance(rows[i], rows[j]) = covariances.of_all(i, j);
+        posterior.keypoint_covariance(rows[i], rows[j]) =
+            covariances.of_keypoints(i, j);
+      }
+    }
+    return posterior;
+  }
+
+  // Derivatives of the free columns by the residuals of the observations of a
+  // point, up to their sign.
+  std::vector<Eigen::MatrixX2d> InfluencesOf(const Elimination& elimination,
+                                             const Eigen::MatrixXd& inverse,
+                                             int point) const {
+    std::vector<Eigen::MatrixX2d> influences;
+    Eigen::MatrixX3d by_point = Eigen::MatrixX3d::Zero(inverse.cols(), 3);
+    const int begin = elimination.PointBegin(point);
+    for (int k = begin; k < elimination.PointEnd(point); ++k) {
+      const Elimination::Row& row = elimination.Rows()[k];
+      Eigen::MatrixX2d& influence =
+          influences.emplace_back(Eigen::MatrixX2d::Zero(inverse.cols(), 2));
+      const Elimination::CameraColumns& columns =
+          unknowns_.columns[observations_[k].image];
+      for (size_t i = 0; i < columns.size(); ++i) {
+        if (columns[i] < 0) continue;
+        influence.noalias() += inverse.row(columns[i]).transpose() *
+                               row.by_camera.row(Eigen::Index(i));
+      }
+      by_point.noalias() += influence * row.by_point.transpose();
+    }
+    Eigen::Matrix3d hessian = elimination.NormalEquations(point).first;
+    hessian.diagonal() *= 1 + kDamping;
+    by_point *= hessian.llt().solve(Eigen::Matrix3d::Identity());
+    for (int k = begin; k < elimination.PointEnd(point); ++k) {
+      influences[k - begin].noalias() -=
+          by_point * elimination.Rows()[k].by_point;
+    }
+    return influences;
+  }
+
+  // Covariances of the free columns, see EstimateIntrinsicsPosterior.
   struct Covariances {
     Eigen::MatrixXd of_keypoints;
     Eigen::MatrixXd of_all;
   };
-  Covariances RealisticCovariances(
-      const ReducedCameraSystem::Marginal& marginal,
-      double unit_variance) const {
-    const Eigen::Index count = marginal.step.size();
+  Covariances RealisticCovariances(const Elimination& elimination,
+                                   const Eigen::MatrixXd& inverse,
+                                   Eigen::MatrixXd covariance) const {
+    const Eigen::Index count = inverse.cols();
     Eigen::VectorXd sandwich = Eigen::VectorXd::Zero(count);
     // Shifts by a unit coefficient of each smooth error, the monomials of the
     // horizontal errors first.
     using Shifts = Eigen::Matrix<double, Eigen::Dynamic, 2 * kNumMonomials>;
-    std::map<colmap::image_t, Shifts> shifts;
-    for (const colmap::point3D_t point_id : SortedPoints(model_)) {
-      const std::vector<Observation> observations = ObservationsOf(point_id);
+    std::map<int, Shifts> shifts;
+    for (int point = 0; point < index_.num_points; ++point) {
       const std::vector<Eigen::MatrixX2d> influences =
-          ReducedCameraSystem::InfluencesOf(marginal,
-                                            LinearizedOf(observations));
+          InfluencesOf(elimination, inverse, point);
       Eigen::VectorXd shift = Eigen::VectorXd::Zero(count);
-      for (size_t k = 0; k < influences.size(); ++k) {
-        const Observation& observation = observations[k];
-        shift.noalias() += influences[k] * observation.linearized.residual;
+      for (size_t i = 0; i < influences.size(); ++i) {
+        const size_t k = size_t(elimination.PointBegin(point)) + i;
+        const Observation& observation = observations_[k];
+        shift.noalias() += influences[i] * elimination.Rows()[k].residual;
         const auto image = shifts.try_emplace(
-            observation.image_id, Shifts::Zero(count, 2 * kNumMonomials));
+            observation.image, Shifts::Zero(count, 2 * kNumMonomials));
         const auto monomials =
             (std::sqrt(observation.weight) *
-             Monomials(CameraOf(observation.image_id), observation.xy_px))
+             Monomials(CameraOf(observation.image), observation.xy_px))
                 .eval();
-        for (int i = 0; i < 2; ++i) {
+        for (int axis = 0; axis < 2; ++axis) {
           image.first->second
-              .template middleCols<kNumMonomials>(i * kNumMonomials)
-              .noalias() += influences[k].col(i) * monomials.transpose();
+              .template middleCols<kNumMonomials>(axis * kNumMonomials)
+              .noalias() += influences[i].col(axis) * monomials.transpose();
         }
       }
       sandwich += shift.cwiseAbs2();
     }
-    Eigen::MatrixXd covariance = unit_variance * marginal.covariance;
     const Eigen::VectorXd factors =
         (sandwich.array() / covariance.diagonal().array()).max(1.0).sqrt();
     covariance = factors.asDiagonal() * covariance * factors.asDiagonal();
     const Eigen::MatrixXd of_keypoints = covariance;
 
     std::map<uint32_t, Shifts> common_shifts;
-    for (const auto& [image_id, shift] : shifts) {
-      const double stddev_px =
-          kSmoothErrorRatio * LargerSide(CameraOf(image_id));
-      const Shifts scaled = stddev_px * shift;
+    for (const auto& [image, shift] : shifts) {
+      const Shifts scaled =
+          kSmoothErrorRatio * LargerSide(CameraOf(image)) * shift;
       covariance.noalias() += scaled * scaled.transpose();
       common_shifts
-          .try_emplace(BlockOf(model_.Image(image_id)),
+          .try_emplace(unknowns_.BlockOf(
+                           model_.Image(unknowns_.image_ids[size_t(image)])),
                        Shifts::Zero(count, 2 * kNumMonomials))
           .first->second += scaled;
     }
@@ -350,77 +338,18 @@ class PosteriorProblem {
     return {of_keypoints, covariance};
   }
 
-  const colmap::Camera& CameraOf(colmap::image_t image_id) const {
-    return model_.Camera(model_.Image(image_id).CameraId());
-  }
-
-  // Holds the first pose, and the distance of the farthest image from it.
-  void FixGauge(ReducedCameraSystem* system) const {
-    const auto hold = [&](int param) { system->AddPrior(param, kGaugeStddev); };
-    const auto& [first_id, first_param] = *first_pose_param_.begin();
-    for (int i = 0; i < kNumPoseParams; ++i) hold(first_param + i);
-    const Eigen::Vector3d center =
-        CamFromWorld(model_.Image(first_id)).TargetOriginInSource();
-    int farthest = first_param;
-    int coordinate = 0;
-    double max_distance = 0;
-    for (const auto& [image_id, param] : first_pose_param_) {
-      const Rigid3d cam_from_world = CamFromWorld(model_.Image(image_id));
-      const double distance =
-          (cam_from_world.TargetOriginInSource() - center).norm();
-      if (distance <= max_distance) continue;
-      max_distance = distance;
-      farthest = param;
-      // The scale moves the camera along this direction.
-      (cam_from_world * center).cwiseAbs().maxCoeff(&coordinate);
-    }
-    hold(farthest + 3 + coordinate);
-  }
-
-  // From the free parameters to all.
-  IntrinsicsPosterior PosteriorFrom(
-      const ReducedCameraSystem::Marginal& marginal,
-      const Covariances& covariances) const {
-    IntrinsicsPosterior posterior;
-    std::vector<Eigen::Index> rows;
-    std::vector<double> values;
-    for (const auto& [block_id, block] : intrinsics_) {
-      posterior.first_params[block_id] = Eigen::Index(values.size());
-      const colmap::Camera& camera = model_.Camera(block.camera_id);
-      for (size_t i = 0; i < block.params.size(); ++i) {
-        if (block.params[i] >= 0) rows.push_back(Eigen::Index(values.size()));
-        values.push_back(camera.Params(i));
-      }
-    }
-    const auto size = Eigen::Index(values.size());
-    posterior.params = Eigen::Map<const Eigen::VectorXd>(values.data(), size);
-    posterior.covariance = Eigen::MatrixXd::Zero(size, size);
-    posterior.keypoint_covariance = Eigen::MatrixXd::Zero(size, size);
-    for (Eigen::Index i = 0; i < marginal.step.size(); ++i) {
-      posterior.params(rows[i]) += marginal.step(i);
-      for (Eigen::Index j = 0; j < marginal.step.size(); ++j) {
-        posterior.covariance(rows[i], rows[j]) = covariances.of_all(i, j);
-        posterior.keypoint_covariance(rows[i], rows[j]) =
-            covariances.of_keypoints(i, j);
-      }
-    }
-    return posterior;
+  const colmap::Camera& CameraOf(int image) const {
+    return model_.Camera(
+        model_.Image(unknowns_.image_ids[size_t(image)]).CameraId());
   }
 
   const BundleAdjustmentOptions& options_;
-  const CameraBeliefs& beliefs_;
   const colmap::Reconstruction& model_;
-  const IntrinsicsBlocks blocks_;
-  // First pose parameter of each chosen image.
-  std::map<colmap::image_t, int> first_pose_param_;
-  std::map<uint32_t, Block> intrinsics_;
-  std::vector<Prior> priors_;
-  int num_params_ = 0;
-  size_t num_observations_ = 0;
-  double sum_weights_ = 0;
-  // Derivatives of the influence of a residual, the mean of both directions.
-  double sum_slopes_ = 0;
-  double sum_squared_influences_ = 0;
+  const PosteriorColumns unknowns_;
+  ObservationIndex index_;
+  std::vector<Observation> observations_;
+  // Residuals of the observations, whitened by their weights.
+  std::vector<Elimination::Row> rows_;
 };
 
 }  // namespace

@@ -8,27 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <memory>
-
-#include <ceres/normal_prior.h>
 
 namespace dgsfm {
-
-namespace {
-
-// One row for each finite, positive standard deviation.
-Eigen::MatrixXd InverseStddevRows(const Eigen::VectorXd& stddevs) {
-  Eigen::MatrixXd rows(0, stddevs.size());
-  for (Eigen::Index i = 0; i < stddevs.size(); ++i) {
-    if (!(stddevs(i) > 0) || !std::isfinite(stddevs(i))) continue;
-    rows.conservativeResize(rows.rows() + 1, Eigen::NoChange);
-    rows.bottomRows<1>().setZero();
-    rows(rows.rows() - 1, i) = 1 / stddevs(i);
-  }
-  return rows;
-}
-
-}  // namespace
 
 bool IntrinsicsPriorOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
@@ -171,19 +152,6 @@ std::vector<double> MeanParams(const CameraGroup& group,
     }
   }
   return mean;
-}
-
-void AddIntrinsicsPrior(const Eigen::VectorXd& mean,
-                        const Eigen::VectorXd& stddevs,
-                        ceres::LossFunction* loss,
-                        double* params,
-                        ceres::Problem* problem) {
-  std::unique_ptr<ceres::LossFunction> owned_loss(loss);
-  DGSFM_CHECK(stddevs.size() == mean.size());
-  const Eigen::MatrixXd A = InverseStddevRows(stddevs);
-  if (A.rows() == 0) return;
-  problem->AddResidualBlock(
-      new ceres::NormalPrior(A, mean), owned_loss.release(), params);
 }
 
 }  // namespace dgsfm

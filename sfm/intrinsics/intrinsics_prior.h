@@ -15,8 +15,6 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <ceres/loss_function.h>
-#include <ceres/problem.h>
 
 namespace dgsfm {
 
@@ -105,14 +103,5 @@ std::vector<RobustPrior> SplitPriors(const IntrinsicsPriorOptions& options,
 
 std::vector<double> MeanParams(const CameraGroup& group,
                                const colmap::Reconstruction& model);
-
-// Adds rho(sum_i ((params_i - mean_i) / stddevs_i)^2) / 2 to a problem, which
-// takes the loss rho; null is none. Parameters of zero or infinite standard
-// deviation have no term.
-void AddIntrinsicsPrior(const Eigen::VectorXd& mean,
-                        const Eigen::VectorXd& stddevs,
-                        ceres::LossFunction* loss,
-                        double* params,
-                        ceres::Problem* problem);
 
 }  // namespace dgsfm

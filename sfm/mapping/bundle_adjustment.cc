@@ -14,8 +14,6 @@
 #include <utility>
 #include <vector>
 
-#include <ceres/loss_function.h>
-#include <ceres/problem.h>
 #include <glog/logging.h>
 
 namespace dgsfm {
@@ -38,11 +36,11 @@ class ModelBundle {
  public:
   ModelBundle(const BundleAdjustmentOptions& options,
               const CameraBeliefs& beliefs,
-              const DepthPriors& depth_priors,
+              const RigConstraints& rigs,
               colmap::Reconstruction* model)
       : options_(options),
         beliefs_(beliefs),
-        depth_priors_(depth_priors),
+        rigs_(rigs),
         model_(model),
         point_ids_(SortedPoints(*model)) {
     for (size_t i = 0; i < point_ids_.size(); ++i) {
@@ -66,7 +64,7 @@ class ModelBundle {
     double max_distance = 0;
     for (size_t i = 0; i < image_ids_.size(); ++i) {
       BundleImage& image = bundle_.images[i];
-      if (image_ids_[i] == fixed_image) image.is_constant.fill(true);
+      if (image_ids_[i] == fixed_image) ConstantPartsOf(&image).fill(true);
       const double distance =
           (image.cam_from_world.TargetOriginInSource() - center).norm();
       if (distance > max_distance) {
@@ -74,10 +72,13 @@ class ModelBundle {
         farthest = &image;
       }
     }
-    if (!farthest) return;
+    if (!farthest || rigs_.fix_scale) return;
+    const Rigid3d& pose = farthest->frame < 0
+                              ? farthest->cam_from_world
+                              : bundle_.frames[farthest->frame].rig_from_world;
     int coordinate = 0;
-    (farthest->cam_from_world * center).cwiseAbs().maxCoeff(&coordinate);
-    farthest->is_constant[3 + coordinate] = true;
+    (pose * center).cwiseAbs().maxCoeff(&coordinate);
+    ConstantPartsOf(farthest)[3 + coordinate] = true;
   }
 
   std::optional<double> Solve(int num_threads) {
@@ -90,7 +91,7 @@ class ModelBundle {
                               ? 1
                               : EffectiveNumThreads(num_threads);
     const PointMinimizerSummary summary =
-        SolveBundle(options, options_.loss_scale_px, &camera_terms_, &bundle_);
+        SolveBundle(options, options_.loss_scale_px, &bundle_);
     if (!summary.success) return std::nullopt;
     VLOG(1) << "Bundle adjustment: " << summary.num_iterations
             << " iterations, cost " << summary.initial_cost << " to "
@@ -100,12 +101,17 @@ class ModelBundle {
   }
 
  private:
+  // The held parts of the pose that an image moves by.
+  std::array<bool, 6>& ConstantPartsOf(BundleImage* image) {
+    return image->frame < 0 ? image->is_constant
+                            : bundle_.frames[image->frame].is_constant;
+  }
+
   void AddImage(colmap::image_t image_id) {
     const colmap::Image& image = model_->Image(image_id);
     if (image.NumPoints3D() == 0) return;
     const int camera_index = IndexOfCamera(image.CameraId());
     num_observations_[camera_index] += image.NumPoints3D();
-    const size_t first_observation = bundle_.observations.size();
     for (const colmap::Point2D& point2D : image.Points2D()) {
       if (!point2D.HasPoint3D()) continue;
       bundle_.observations.push_back({int(image_ids_.size()),
@@ -116,36 +122,26 @@ class ModelBundle {
     BundleImage& bundle_image = bundle_.images.emplace_back();
     bundle_image.cam_from_world = CamFromWorld(image);
     bundle_image.camera = camera_index;
-    if (options_.use_depth && depth_priors_.Has(image_id)) {
-      AddDepths(image, first_observation, &bundle_image);
-    }
+    const auto member = rigs_.frames.find(image_id);
+    if (member != rigs_.frames.end()) JoinFrame(member->second, &bundle_image);
   }
 
-  // Adds the depths of an image to its observations, from the given one on.
-  void AddDepths(const colmap::Image& image,
-                 size_t observation,
-                 BundleImage* bundle_image) {
-    const double stddev = depth_priors_.stddevs.at(image.ImageId());
-    if (stddev > options_.max_depth_stddev) return;
-    const std::vector<float>& depths =
-        depth_priors_.depths->at(image.ImageId()).depths;
-    std::vector<double> log_ratios;
-    for (size_t i = 0; i < image.NumPoints2D(); ++i) {
-      if (!image.Point2D(i).HasPoint3D()) continue;
-      BundleObservation& added = bundle_.observations[observation++];
-      const double z =
-          (bundle_image->cam_from_world * bundle_.points[added.point]).z();
-      if (!(depths[i] > 0) || !(z > 0)) continue;
-      added.prior_depth = depths[i];
-      log_ratios.push_back(std::log(z / depths[i]));
+  void JoinFrame(const FrameMember& member, BundleImage* image) {
+    const auto [sensor, is_new_sensor] =
+        sensors_.emplace(member.camera_id, int(bundle_.sensors.size()));
+    if (is_new_sensor) {
+      bundle_.sensors.push_back(
+          {member.cam_from_rig,
+           rigs_.refined_cameras.count(member.camera_id) > 0});
     }
-    if (log_ratios.empty()) return;
-    bundle_image->log_depth_scale = Median(log_ratios);
-    bundle_image->depth_stddev = stddev;
-    bundle_image->depth_weight_px =
-        options_.intrinsics.keypoint_stddev_px *
-        std::sqrt(
-            std::min(1.0, options_.max_num_depths / double(log_ratios.size())));
+    const auto [frame, is_new_frame] =
+        frames_.emplace(member.frame_id, int(bundle_.frames.size()));
+    if (is_new_frame) {
+      bundle_.frames.push_back(
+          {member.cam_from_rig.Inverse() * image->cam_from_world, {}});
+    }
+    image->sensor = sensor->second;
+    image->frame = frame->second;
   }
 
   // Cameras of a group have one index.
@@ -156,6 +152,7 @@ class ModelBundle {
     const colmap::Camera& camera = model_->Camera(camera_id);
     BundleCamera bundle_camera = {camera.ModelId(), camera.Params(), {}};
     if (const CameraGroup* group = beliefs_.GroupOf(camera_id)) {
+      // Cameras of a group may start apart, by what the database has for each.
       bundle_camera.params = MeanParams(*group, *model_);
       for (const colmap::camera_t member : group->camera_ids) {
         camera_indices_[member] = it->second;
@@ -178,19 +175,15 @@ class ModelBundle {
     }
     if (camera.refined_params.empty()) return;
     const double unit_px = options_.intrinsics.keypoint_stddev_px;
+    const Eigen::VectorXd mean = PriorMean(beliefs_, camera_id);
     for (const RobustPrior& prior :
          SplitPriors(options_.intrinsics, beliefs_, camera_id)) {
-      Eigen::VectorXd weighted = Eigen::VectorXd::Zero(stddevs.size());
+      BundlePrior& term = bundle_.priors.emplace_back();
+      term.camera = int(index);
+      term.loss_scale_px = prior.loss_scale * unit_px;
       for (const Eigen::Index i : prior.idxs) {
-        weighted(i) = stddevs(i) / unit_px;
+        term.parameters.push_back({int(i), mean(i), stddevs(i) / unit_px});
       }
-      AddIntrinsicsPrior(PriorMean(beliefs_, camera_id),
-                         weighted,
-                         std::isfinite(prior.loss_scale)
-                             ? new ceres::CauchyLoss(prior.loss_scale * unit_px)
-                             : nullptr,
-                         camera.params.data(),
-                         &camera_terms_);
     }
   }
 
@@ -199,6 +192,7 @@ class ModelBundle {
       SetCamFromWorld(bundle_.images[i].cam_from_world,
                       &model_->Image(image_ids_[i]));
     }
+    WriteBackFrames();
     for (const auto& [camera_id, index] : camera_indices_) {
       if (!model_->ExistsCamera(camera_id)) continue;
       model_->Camera(camera_id).SetParams(bundle_.cameras[index].params);
@@ -208,9 +202,25 @@ class ModelBundle {
     }
   }
 
+  // Images of frames that see no point move with the others, too.
+  void WriteBackFrames() {
+    for (const auto& [image_id, member] : rigs_.frames) {
+      const auto frame = frames_.find(member.frame_id);
+      const auto sensor = sensors_.find(member.camera_id);
+      if (frame == frames_.end() || !model_->ExistsImage(image_id)) continue;
+      const Rigid3d& cam_from_rig =
+          sensor == sensors_.end()
+              ? member.cam_from_rig
+              : bundle_.sensors[sensor->second].cam_from_rig;
+      SetCamFromWorld(
+          cam_from_rig * bundle_.frames[frame->second].rig_from_world,
+          &model_->Image(image_id));
+    }
+  }
+
   const BundleAdjustmentOptions& options_;
   const CameraBeliefs& beliefs_;
-  const DepthPriors& depth_priors_;
+  const RigConstraints& rigs_;
   colmap::Reconstruction* model_;
   // By their index in the bundle.
   std::vector<colmap::image_t> image_ids_;
@@ -219,9 +229,10 @@ class ModelBundle {
   std::map<colmap::camera_t, int> camera_indices_;
   std::unordered_map<colmap::point3D_t, int> point_indices_;
   std::vector<size_t> num_observations_;
+  // Indices in the bundle.
+  std::map<frame_t, int> frames_;
+  std::map<colmap::camera_t, int> sensors_;
   Bundle bundle_;
-  // Terms of the `params` of the cameras of the bundle.
-  ceres::Problem camera_terms_;
 };
 
 }  // namespace
@@ -231,8 +242,6 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
       .AtLeast("max_num_iterations", max_num_iterations, 1)
       .AtLeast("function_tolerance", function_tolerance, 0)
       .Above("loss_scale_px", loss_scale_px, 0)
-      .Above("max_num_depths", max_num_depths, 0)
-      .Above("max_depth_stddev", max_depth_stddev, 0)
       .Valid(intrinsics)
       .AreKept();
 }
@@ -259,10 +268,10 @@ std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
-                                   const DepthPriors& depth_priors,
-                                   colmap::Reconstruction* model) {
+                                   colmap::Reconstruction* model,
+                                   const RigConstraints& rigs) {
   if (model->NumPoints3D() == 0) return std::nullopt;
-  ModelBundle bundle(options, beliefs, depth_priors, model);
+  ModelBundle bundle(options, beliefs, rigs, model);
   bundle.FixGauge(fixed_image);
   return bundle.Solve(num_threads);
 }

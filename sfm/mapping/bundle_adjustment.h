@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "colmap_ext/rig.h"
 #include "sfm/intrinsics/intrinsics_prior.h"
 #include "sfm/verification/pair_verification.h"
 
@@ -12,6 +13,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -26,27 +28,17 @@ struct BundleAdjustmentOptions {
   // AdaptedLossScale.
   double loss_scale_px = 0.5;
   IntrinsicsPriorOptions intrinsics;
-  // Whether the depth maps that are given take part, each with a factor of its
-  // own.
-  bool use_depth = true;
-  // Depths of an image that count; more share the weight of these, since their
-  // errors have causes in common.
-  double max_num_depths = 20;
-  // Depth maps of larger standard deviation are left out [log].
-  double max_depth_stddev = 0.3;
 
   bool IsValid(std::string* error) const;
 };
 
-struct DepthPriors {
-  const KeypointDepthMap* depths = nullptr;
-  // Standard deviation of the logarithm of an image's depths about their
-  // median [1]; the depth of images without one is not used.
-  std::map<colmap::image_t, double> stddevs;
-
-  bool Has(colmap::image_t image_id) const {
-    return stddevs.count(image_id) > 0;
-  }
+// How images are joined in bundle adjustment.
+struct RigConstraints {
+  FrameMembers frames;
+  // Cameras whose pose in their rig is refined.
+  std::set<colmap::camera_t> refined_cameras;
+  // Whether the rigs fix the scale.
+  bool fix_scale = false;
 };
 
 // Loss scale for a model as it is [px]: 1.5 times the median reprojection
@@ -57,18 +49,18 @@ double AdaptedLossScale(const BundleAdjustmentOptions& options,
 
 // Minimises the soft-L1 reprojection errors of all observations and the squared
 // deviations of intrinsics from what is believed (priors, and the means of the
-// groups) over poses, points, intrinsics and means; with `use_depth` also those
-// from the depths, see SolveBundle, over the scales of their maps. Gauge: the
-// pose of fixed_image, and the largest coordinate of the translation of the
-// image farthest from it. Cameras whose images have hardly any observations
-// keep their intrinsics. Returns the root of the mean robust squared error
-// [px], or nothing if there is nothing to adjust or the solver failed. The same
-// for any number of threads.
+// groups) over poses, points, intrinsics and means. Images of a frame move
+// together. Gauge: the pose of fixed_image or of its frame, and, where no rig
+// fixes the scale, of the image farthest from it the coordinate of the
+// translation that a change of scale moves most. Cameras whose images have
+// hardly any observations keep their intrinsics. Returns the root of the mean
+// robust squared error [px], or nothing if there is nothing to adjust or the
+// solver failed. The same for any number of threads.
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,
                                    int num_threads,
                                    colmap::image_t fixed_image,
                                    const CameraBeliefs& beliefs,
-                                   const DepthPriors& depth_priors,
-                                   colmap::Reconstruction* model);
+                                   colmap::Reconstruction* model,
+                                   const RigConstraints& rigs = {});
 
 }  // namespace dgsfm

@@ -3,7 +3,7 @@
 #include "colmap_ext/pose_access.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
-#include "sfm/mapping/model_building.h"
+#include "sfm/mapping/model_completion.h"
 #include "sfm/mapping/split_half.h"
 
 #include <algorithm>
@@ -13,9 +13,6 @@
 namespace dgsfm {
 
 namespace {
-
-// Depth maps are not better than this [log].
-constexpr double kMinDepthStddev = 0.01;
 
 // Why an image whose pairs give it a rotation has no position.
 std::string WhyNotPositioned(colmap::image_t image_id,
@@ -93,6 +90,14 @@ ModelInProgress StartModel(const MappingContext& context,
   progress.final_loss_scale_px =
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
+  progress.rigs.frames = context.frames;
+  if (context.options.refine_sensor_from_rig) {
+    progress.rigs.refined_cameras =
+        CamerasToCalibrate(context.scene.rigs, /*all=*/true);
+  } else {
+    progress.rigs.fix_scale = HasBaseline(context.frames, rotations.image_ids);
+  }
+
   StageTimer timer("initialization");
   const std::vector<colmap::Track> tracks =
       EstablishTracks(index, *pairs, context.options.tracks);
@@ -102,32 +107,32 @@ ModelInProgress StartModel(const MappingContext& context,
                       scales,
                       tracks,
                       context.options.position_initialization,
-                      &progress.model);
+                      context.options.refinement.min_triangulation_angle_deg,
+                      &progress.model,
+                      context.frames);
   timer.Add("tracks", double(tracks.size()))
       .Add("images", double(progress.model.NumRegImages()))
       .Add("points", double(progress.model.NumPoints3D()));
   timer.Finish(&log->stages);
-
-  progress.depth_priors.depths = &context.depths;
-  for (const auto& [image_id, scale] :
-       DepthScalesOfModel(context.depths, progress.model)) {
-    progress.depth_priors.stddevs[image_id] =
-        std::max(scale.log_spread, kMinDepthStddev);
-  }
   return progress;
 }
 
-// Filters images, and scales the model by the depth maps.
+// Filters images, and scales the model by the depth maps unless rigs fix its
+// scale.
 void FinishModel(const MappingContext& context,
-                 colmap::Reconstruction* model,
+                 ModelInProgress* progress,
                  ComponentResult* result,
                  MappingLog* log) {
   StageTimer timer("metric_scale");
+  colmap::Reconstruction* model = &progress->model;
   for (const auto& [image_id, reason] :
-       FilterImages(context.options.refinement, model)) {
+       FilterImages(context.options.refinement, progress->rigs.frames, model)) {
     result->unregistered_images[image_id] = reason;
   }
-  const MetricScale metric = NormalizeToDepth(context.depths, model);
+  MetricScale metric;
+  if (!progress->rigs.fix_scale) {
+    metric = NormalizeToDepth(context.depths, model);
+  }
   for (const auto& [image_id, scale] :
        DepthScalesOfModel(context.depths, *model)) {
     result->depth_scales[image_id] = scale.scale;
@@ -142,6 +147,7 @@ void FinishModel(const MappingContext& context,
       .Add("scale_factor", metric.factor)
       .Add("log_scale_spread", metric.log_spread)
       .Add("images_with_scale", double(metric.num_images));
+  if (progress->rigs.fix_scale) timer.Add("scale_by_rigs", 1);
   timer.Finish(&log->stages);
 }
 
@@ -154,7 +160,7 @@ void FinishCameras(const MappingContext& context,
   std::vector<CameraGroup>& groups = progress->beliefs.groups;
   KeepGroupsOf(model, &groups);
   const std::map<colmap::camera_t, colmap::camera_t> final_ids =
-      context.options.share_intrinsics
+      context.options.share_intrinsics && context.scene.rigs.Empty()
           ? FirstOfGroups(groups)
           : JoinedCameraIds(progress->cameras.origins, groups, model);
   for (auto& [camera_id, camera] : SummarizeCameras(
@@ -198,14 +204,18 @@ ComponentResult MapComponent(const MappingContext& context,
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
     }
   }
-  const bool success = RefineModel(context, &progress, log);
+  const bool success = RefineModel(context, &progress, log) &&
+                       CalibrateSensors(context, &progress, log);
   if (success) {
-    CompleteModel(context, &progress, pairs, log);
+    CalibrateCameras(context, &progress, log);
+    CompleteTracks(context, *pairs, &progress, log);
+    JudgePairs(context, model, pairs);
+    HoldImplausibleCameras(context, &progress, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);
     }
   }
-  FinishModel(context, &model, &result, log);
+  FinishModel(context, &progress, &result, log);
   const int min_model_size = context.options.min_model_size;
   if (!success || model.NumRegImages() < size_t(min_model_size)) {
     for (const colmap::image_t image_id : model.RegImageIds()) {

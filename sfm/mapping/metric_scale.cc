@@ -65,6 +65,8 @@ std::string ModelUnitName(ModelUnit unit) {
       return "depth_maps";
     case ModelUnit::METRES:
       return "metres";
+    case ModelUnit::RIGS:
+      return "rigs";
   }
   return "unknown";
 }

@@ -33,6 +33,7 @@ enum class ModelUnit {
   ARBITRARY,   // no depth map fixes its scale
   DEPTH_MAPS,  // the median unit of the maps: relative ones, or too different
   METRES,
+  RIGS,  // that of the distances between the cameras of rigs
 };
 std::string ModelUnitName(ModelUnit unit);
 

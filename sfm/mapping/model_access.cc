@@ -4,13 +4,6 @@
 
 namespace dgsfm {
 
-std::vector<colmap::image_t> SortedRegisteredImages(
-    const colmap::Reconstruction& model) {
-  std::vector<colmap::image_t> image_ids = model.RegImageIds();
-  std::sort(image_ids.begin(), image_ids.end());
-  return image_ids;
-}
-
 std::vector<colmap::point3D_t> SortedPoints(
     const colmap::Reconstruction& model) {
   std::vector<colmap::point3D_t> point_ids;

@@ -1,8 +1,9 @@
-// What the stages share to read a model: its parts in a fixed order, since that
-// of the containers of colmap::Reconstruction differs from run to run, and the
+// What the stages share to read a model: its parts in a fixed order, and the
 // errors of its features.
 
 #pragma once
+
+#include "colmap_ext/model/registered_images.h"
 
 #include <colmap/util/alignment.h>
 
@@ -12,8 +13,7 @@
 
 namespace dgsfm {
 
-std::vector<colmap::image_t> SortedRegisteredImages(
-    const colmap::Reconstruction& model);
+// By their ids.
 std::vector<colmap::point3D_t> SortedPoints(
     const colmap::Reconstruction& model);
 

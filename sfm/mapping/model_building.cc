@@ -2,6 +2,7 @@
 
 #include "sfm/mapping/model_access.h"
 #include "sfm/mapping/model_refinement.h"
+#include "sfm/mapping/rig_model.h"
 
 #include <algorithm>
 #include <memory>
@@ -13,13 +14,9 @@ namespace dgsfm {
 
 namespace {
 
-// Share of observations whose removal is worth another round of adjustment.
-constexpr double kMinFilteredShare = 1e-3;
 // Relative decrease by an iteration that ends adjustments before the model is
 // complete.
 constexpr double kPreliminaryFunctionTolerance = 1e-4;
-// Rounds of retriangulation and adjustment.
-constexpr int kMaxNumRetriangulationRounds = 2;
 // Rounds of refinement in which images may leave the cameras they share. Few
 // leave in each: what the others contradict shows without them.
 constexpr int kMaxNumTieRounds = 3;
@@ -37,23 +34,28 @@ colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
       });
 }
 
-bool IsRegistered(const colmap::Reconstruction& model,
-                  colmap::image_t image_id) {
-  return model.ExistsImage(image_id) && model.IsImageRegistered(image_id);
+// The constraints with refined poses as the model has them.
+RigConstraints CurrentRigs(const MappingContext& context,
+                           const RigConstraints& rigs,
+                           const colmap::Reconstruction& model) {
+  if (rigs.refined_cameras.empty()) return rigs;
+  RigConstraints current = rigs;
+  current.frames =
+      MembersOf(CalibrateRigs(rigs.refined_cameras, model, context.scene.rigs));
+  return current;
 }
 
 std::optional<double> Adjust(const MappingContext& context,
                              const BundleAdjustmentOptions& adjustment,
                              const CameraBeliefs& beliefs,
-                             const DepthPriors& depth_priors,
+                             const RigConstraints& rigs,
                              colmap::Reconstruction* model) {
-  const ModelRefinementOptions& refinement = context.options.refinement;
   return AdjustBundle(adjustment,
-                      refinement.num_threads,
+                      context.verification.num_threads,
                       AnchorImage(*model),
                       beliefs,
-                      PriorsInNeed(refinement, *model, depth_priors),
-                      model);
+                      model,
+                      CurrentRigs(context, rigs, *model));
 }
 
 bool PositionModel(const MappingContext& context,
@@ -64,8 +66,12 @@ bool PositionModel(const MappingContext& context,
   if (model.NumPoints3D() == 0) return false;
   if (options.skip_global_positioning) return true;
   StageTimer timer("global_positioning");
-  const GlobalPositioningSummary summary = PositionCameras(
-      options.refinement, progress->depth_priors, AnchorImage(model), &model);
+  const GlobalPositioningSummary summary =
+      PositionCameras(options.refinement.global_positioning,
+                      context.verification.num_threads,
+                      AnchorImage(model),
+                      &model,
+                      progress->rigs.frames);
   if (!summary.success) {
     LOG(ERROR) << "Global positioning failed: " << summary.message;
     return false;
@@ -96,9 +102,10 @@ bool AdjustModel(const MappingContext& context,
   }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = Adjust(
-        context, adjustment, progress->beliefs, progress->depth_priors, &model);
+    const std::optional<double> rms =
+        Adjust(context, adjustment, progress->beliefs, progress->rigs, &model);
     if (!rms) return false;
+    // Early rounds still show errors of the start, which must not cost points.
     const size_t num_filtered =
         FilterObservations(options.refinement, num_rounds - round, &model);
     timer.Add("round", round + 1)
@@ -132,7 +139,11 @@ bool Untie(const MappingContext& context,
     std::set<colmap::camera_t> contradicted;
     for (const colmap::image_t image_id : image_ids) {
       const colmap::camera_t camera_id = cameras.camera_of_image.at(image_id);
-      if (shared.count(camera_id) > 0) contradicted.insert(camera_id);
+      // Cameras of rigs stay what their sensors are.
+      if (shared.count(camera_id) > 0 &&
+          progress->rigs.frames.count(image_id) == 0) {
+        contradicted.insert(camera_id);
+      }
     }
     for (const colmap::camera_t camera_id : contradicted) {
       log->Warn("The images of camera " + std::to_string(camera_id) +
@@ -146,149 +157,6 @@ bool Untie(const MappingContext& context,
   UntieImages(cameras, image_ids, &progress->beliefs.groups);
   return cameras.origins.size() != num_split ||
          progress->beliefs.NumTiedCameras() != num_tied;
-}
-
-void CalibrateCameras(const MappingContext& context,
-                      ModelInProgress* progress,
-                      MappingLog* log) {
-  StageTimer timer("self_calibration");
-  const CameraBeliefs beliefs = CalibrateModel(
-      SelfCalibration(context, *progress), progress->beliefs, &progress->model);
-  progress->beliefs = beliefs;
-  timer.Add("groups", double(beliefs.groups.size()))
-      .Add("cameras", double(beliefs.NumTiedCameras()))
-      .Add("principal_points_held",
-           double(beliefs.held_principal_points.size()));
-  timer.Finish(&log->stages);
-}
-
-// The inliers of the valid pairs between registered images.
-void AddInliers(const PairGeometries& pairs,
-                const colmap::Reconstruction& model,
-                colmap::CorrespondenceGraph* graph) {
-  for (const auto& [image_id, image] : model.Images()) {
-    graph->AddImage(image_id, image.NumPoints2D());
-  }
-  for (const auto& [pair_id, pair] : pairs) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (pair.status == PairStatus::VALID && IsRegistered(model, image_id1) &&
-        IsRegistered(model, image_id2)) {
-      graph->AddCorrespondences(image_id1, image_id2, pair.inlier_matches);
-    }
-  }
-}
-
-void AddAgreeingMatches(const MappingContext& context,
-                        const PairGeometries& pairs,
-                        const colmap::Reconstruction& model,
-                        colmap::CorrespondenceGraph* graph) {
-  BuildCorrespondenceGraph(context.scene,
-                           pairs,
-                           context.verification,
-                           context.options.refinement.max_epipolar_error_px,
-                           model,
-                           graph);
-}
-
-// Adjusts the model as it is to stay and filters it; returns the number of
-// observations that left.
-size_t AdjustAgain(const MappingContext& context,
-                   ModelInProgress* progress,
-                   StageTimer* timer) {
-  const std::optional<double> rms = Adjust(context,
-                                           FinalAdjustment(context, *progress),
-                                           progress->beliefs,
-                                           progress->depth_priors,
-                                           &progress->model);
-  const size_t num_filtered =
-      FilterObservations(context.options.refinement, 1.0, &progress->model);
-  if (rms) {
-    timer->Add("rms_px", *rms);
-  } else {
-    LOG(WARNING) << "The final bundle adjustment failed";
-    timer->Add("adjustment_failed", 1);
-  }
-  timer->Add("observations_filtered", double(num_filtered))
-      .Add("points", double(progress->model.NumPoints3D()));
-  return num_filtered;
-}
-
-void RetriangulateModel(const MappingContext& context,
-                        const PairGeometries& pairs,
-                        ModelInProgress* progress,
-                        MappingLog* log) {
-  colmap::Reconstruction& model = progress->model;
-  for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
-    StageTimer timer("retriangulation");
-    colmap::CorrespondenceGraph graph;
-    if (context.options.skip_match_completion) {
-      AddInliers(pairs, model, &graph);
-    } else {
-      AddAgreeingMatches(context, pairs, model, &graph);
-    }
-    const size_t num_gained =
-        Retriangulate(context.options.refinement, graph, &model);
-    timer.Add("observations_gained", double(num_gained));
-    const size_t num_filtered = AdjustAgain(context, progress, &timer);
-    timer.Finish(&log->stages);
-    const double num_observations = double(model.ComputeNumObservations());
-    if (double(num_gained + num_filtered) <
-        kMinFilteredShare * num_observations) {
-      break;
-    }
-  }
-}
-
-// Pairs with images that the model lacks keep their status.
-void JudgePairs(const MappingContext& context,
-                const colmap::Reconstruction& model,
-                PairGeometries* pairs) {
-  colmap::CorrespondenceGraph graph;
-  AddAgreeingMatches(context, *pairs, model, &graph);
-  for (auto& [pair_id, pair] : *pairs) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (!IsRegistered(model, image_id1) || !IsRegistered(model, image_id2)) {
-      continue;
-    }
-    const bool agrees =
-        graph.NumCorrespondencesBetweenImages(image_id1, image_id2) > 0;
-    if (agrees) {
-      pair.Judge(PairStage::PAIR_JUDGING, PairStatus::VALID);
-    } else if (pair.status == PairStatus::VALID) {
-      pair.Judge(PairStage::PAIR_JUDGING, PairStatus::MODEL_OUTLIER);
-    }
-  }
-}
-
-// Holds cameras whose intrinsics ran away at their values before the
-// adjustment, which keeps their images.
-void HoldImplausibleCameras(const MappingContext& context,
-                            ModelInProgress* progress,
-                            MappingLog* log) {
-  colmap::Reconstruction& model = progress->model;
-  const std::set<colmap::camera_t> implausible = ImplausibleCameras(model);
-  if (implausible.empty()) return;
-  for (const colmap::camera_t camera_id : implausible) {
-    model.Camera(camera_id).SetParams(
-        progress->cameras.cameras.at(camera_id).Params());
-    progress->beliefs.held_cameras.insert(camera_id);
-    for (CameraGroup& group : progress->beliefs.groups) {
-      auto& ids = group.camera_ids;
-      ids.erase(std::remove(ids.begin(), ids.end(), camera_id), ids.end());
-    }
-  }
-  log->Warn("Bundle adjustment made the intrinsics of " +
-            std::to_string(implausible.size()) +
-            " cameras, the first of them camera " +
-            std::to_string(*implausible.begin()) +
-            ", implausible: they are held at the averages over image pairs. "
-            "Give focal lengths (EXIF data) or leave their images out");
-  Adjust(context,
-         FinalAdjustment(context, *progress),
-         progress->beliefs,
-         progress->depth_priors,
-         &model);
-  FilterObservations(context.options.refinement, 1.0, &model);
 }
 
 }  // namespace
@@ -314,35 +182,95 @@ bool RefineModel(const MappingContext& context,
     if (image_ids.empty() || !Untie(context, image_ids, progress, log)) {
       return true;
     }
+    // Positions that wrong ties led to are no start.
     progress->model = start;
     UseCameras(progress->cameras, &progress->model);
   }
   return false;
 }
 
-void CompleteModel(const MappingContext& context,
-                   ModelInProgress* progress,
-                   PairGeometries* pairs,
-                   MappingLog* log) {
+bool CalibrateSensors(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log) {
+  const std::set<colmap::camera_t> camera_ids =
+      CamerasToCalibrate(context.scene.rigs, /*all=*/false);
+  if (camera_ids.empty()) return true;
+  RigConstraints& rigs = progress->rigs;
+  rigs.refined_cameras.insert(camera_ids.begin(), camera_ids.end());
+  rigs = CurrentRigs(context, rigs, progress->model);
+  JoinFrames(rigs.frames, &progress->model);
+  return AdjustModel(context, progress, log);
+}
+
+void CalibrateCameras(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
   if (!options.skip_loss_adaptation) {
     progress->final_loss_scale_px =
         AdaptedLossScale(options.refinement.bundle_adjustment, progress->model);
   }
-  if (!options.skip_self_calibration) CalibrateCameras(context, progress, log);
-  if (!options.skip_retriangulation) {
-    RetriangulateModel(context, *pairs, progress, log);
-  } else if (options.HasFinalAdjustment()) {
-    StageTimer timer("final_adjustment");
-    AdjustAgain(context, progress, &timer);
-    timer.Finish(&log->stages);
+  if (options.skip_self_calibration) return;
+  StageTimer timer("self_calibration");
+  const CameraBeliefs beliefs = CalibrateModel(
+      SelfCalibration(context, *progress), progress->beliefs, &progress->model);
+  progress->beliefs = beliefs;
+  timer.Add("groups", double(beliefs.groups.size()))
+      .Add("cameras", double(beliefs.NumTiedCameras()))
+      .Add("principal_points_held",
+           double(beliefs.held_principal_points.size()));
+  timer.Finish(&log->stages);
+}
+
+size_t AdjustAgain(const MappingContext& context,
+                   ModelInProgress* progress,
+                   StageTimer* timer) {
+  const std::optional<double> rms = Adjust(context,
+                                           FinalAdjustment(context, *progress),
+                                           progress->beliefs,
+                                           progress->rigs,
+                                           &progress->model);
+  const size_t num_filtered =
+      FilterObservations(context.options.refinement, 1.0, &progress->model);
+  if (rms) {
+    timer->Add("rms_px", *rms);
+  } else {
+    LOG(WARNING) << "The final bundle adjustment failed";
+    timer->Add("adjustment_failed", 1);
   }
-  if (!options.skip_pair_judging) {
-    JudgePairs(context, progress->model, pairs);
+  timer->Add("observations_filtered", double(num_filtered))
+      .Add("points", double(progress->model.NumPoints3D()));
+  return num_filtered;
+}
+
+void HoldImplausibleCameras(const MappingContext& context,
+                            ModelInProgress* progress,
+                            MappingLog* log) {
+  if (!context.options.HasFinalAdjustment()) return;
+  colmap::Reconstruction& model = progress->model;
+  const std::set<colmap::camera_t> implausible = ImplausibleCameras(model);
+  if (implausible.empty()) return;
+  for (const colmap::camera_t camera_id : implausible) {
+    model.Camera(camera_id).SetParams(
+        progress->cameras.cameras.at(camera_id).Params());
+    progress->beliefs.held_cameras.insert(camera_id);
+    for (CameraGroup& group : progress->beliefs.groups) {
+      auto& ids = group.camera_ids;
+      ids.erase(std::remove(ids.begin(), ids.end(), camera_id), ids.end());
+    }
   }
-  if (options.HasFinalAdjustment()) {
-    HoldImplausibleCameras(context, progress, log);
-  }
+  log->Warn("Bundle adjustment made the intrinsics of " +
+            std::to_string(implausible.size()) +
+            " cameras, the first of them camera " +
+            std::to_string(*implausible.begin()) +
+            ", implausible: they are held at the averages over image pairs. "
+            "Give focal lengths (EXIF data) or leave their images out");
+  Adjust(context,
+         FinalAdjustment(context, *progress),
+         progress->beliefs,
+         progress->rigs,
+         &model);
+  FilterObservations(context.options.refinement, 1.0, &model);
 }
 
 BundleAdjustmentOptions FinalAdjustment(const MappingContext& context,
@@ -364,7 +292,7 @@ ModelAdjuster FinalAdjuster(const MappingContext& context,
     BundleAdjustmentOptions adjustment = FinalAdjustment(context, progress);
     adjustment.max_num_iterations =
         std::min(adjustment.max_num_iterations, max_num_iterations);
-    return Adjust(context, adjustment, beliefs, progress.depth_priors, model)
+    return Adjust(context, adjustment, beliefs, progress.rigs, model)
         .has_value();
   };
 }

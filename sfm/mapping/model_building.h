@@ -1,5 +1,5 @@
-// The stages that turn a start into a finished model: positioning, adjustment,
-// self-calibration, completion.
+// The stages that turn a start into a calibrated model: positioning,
+// adjustment, self-calibration.
 
 #pragma once
 
@@ -16,8 +16,8 @@ struct ModelInProgress {
   colmap::Reconstruction model;
   ImageCameras cameras;
   CameraBeliefs beliefs;
-  // Depth maps, by how well they agree at the start.
-  DepthPriors depth_priors;
+  // Images that move together, once the poses in their rigs are known.
+  RigConstraints rigs;
   // Residual from which the loss of the final adjustments grows linearly [px].
   double final_loss_scale_px = 0;
 };
@@ -29,13 +29,30 @@ bool RefineModel(const MappingContext& context,
                  ModelInProgress* progress,
                  MappingLog* log);
 
-// Calibrates the cameras of a refined model, completes its tracks, and judges
-// the pairs of its images by its poses: pairs that had left become VALID if
-// enough of their matches agree.
-void CompleteModel(const MappingContext& context,
+// Estimates unknown poses of cameras in their rigs by those of the images of a
+// refined model, joins these images, and adjusts the model again. Returns false
+// if a solver failed or no point is left.
+bool CalibrateSensors(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log);
+
+// Adapts the loss of the final adjustments to the model's errors, and frees the
+// principal points that the model determines.
+void CalibrateCameras(const MappingContext& context,
+                      ModelInProgress* progress,
+                      MappingLog* log);
+
+// Adjusts the model as it is to stay and filters it; returns the number of
+// observations that left.
+size_t AdjustAgain(const MappingContext& context,
                    ModelInProgress* progress,
-                   PairGeometries* pairs,
-                   MappingLog* log);
+                   StageTimer* timer);
+
+// Holds cameras whose intrinsics ran away at their values before the
+// adjustment, which keeps their images.
+void HoldImplausibleCameras(const MappingContext& context,
+                            ModelInProgress* progress,
+                            MappingLog* log);
 
 // The adjustment that the finished model is at.
 BundleAdjustmentOptions FinalAdjustment(const MappingContext& context,

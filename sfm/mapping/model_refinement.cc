@@ -4,14 +4,10 @@
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
-#include "estimators/two_view/two_view_model.h"
-#include "estimators/two_view/two_view_residuals.h"
 #include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_access.h"
-#include "sfm/verification/centered_point.h"
 
 #include <colmap/base/triangulation.h>
-#include <colmap/sfm/incremental_triangulator.h>
 
 #include <algorithm>
 #include <cmath>
@@ -34,15 +30,6 @@ Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
       .ImageToWorld(image.Point2D(element.point2D_idx).XY())
       .homogeneous()
       .normalized();
-}
-
-// Does nothing where the depth is unknown.
-void SetLogDistance(double distance,
-                    double log_stddev,
-                    PositioningObservation* observation) {
-  if (!(distance > 0)) return;
-  observation->log_distance = std::log(distance);
-  observation->log_distance_stddev = log_stddev;
 }
 
 // Whether two rays of the point enclose at least min_angle [rad].
@@ -105,55 +92,34 @@ std::unordered_set<colmap::point3D_t> DispensablePoints(
   return point_ids;
 }
 
-// Matches whose Sampson error under the poses of the model is small, each
-// feature at most once, as COLMAP's correspondence graph wants them.
-colmap::FeatureMatches MatchesOnEpipolarLines(
-    const colmap::Reconstruction& model,
-    colmap::image_t image_id1,
-    colmap::image_t image_id2,
-    const colmap::FeatureMatches& matches,
-    double max_error_px) {
-  const colmap::Image& image1 = model.Image(image_id1);
-  const colmap::Image& image2 = model.Image(image_id2);
-  const colmap::Camera& camera1 = model.Camera(image1.CameraId());
-  const colmap::Camera& camera2 = model.Camera(image2.CameraId());
-  const Rigid3d cam2_from_cam1 =
-      CamFromWorld(image2) * CamFromWorld(image1).Inverse();
-  TwoViewModel two_view;
-  two_view.rotation = cam2_from_cam1.rotation.toRotationMatrix();
-  two_view.translation = cam2_from_cam1.translation;
-  two_view.focal1 = camera1.MeanFocalLength();
-  two_view.focal2 = camera2.MeanFocalLength();
-  const Eigen::Matrix3d F = two_view.FundamentalMatrix();
-  colmap::FeatureMatches consistent;
-  std::vector<bool> is_used1(image1.NumPoints2D(), false);
-  std::vector<bool> is_used2(image2.NumPoints2D(), false);
-  for (const colmap::FeatureMatch& match : matches) {
-    const auto point1 =
-        UndistortPoint(camera1, image1.Point2D(match.point2D_idx1).XY());
-    const auto point2 =
-        UndistortPoint(camera2, image2.Point2D(match.point2D_idx2).XY());
-    if (point1 && point2 &&
-        std::abs(SampsonError(F,
-                              point1->point,
-                              point2->point,
-                              UndistortedCovariance(point1->pixel_jacobian),
-                              UndistortedCovariance(point2->pixel_jacobian))) <=
-            max_error_px &&
-        !is_used1[match.point2D_idx1] && !is_used2[match.point2D_idx2]) {
-      is_used1[match.point2D_idx1] = true;
-      is_used2[match.point2D_idx2] = true;
-      consistent.push_back(match);
-    }
+// The first image of each image's frame, by index; nothing without frames.
+std::vector<int> BodiesOf(const ImageIndex& index, const FrameMembers& frames) {
+  std::vector<int> bodies;
+  if (frames.empty()) return bodies;
+  std::map<frame_t, int> first_of_frames;
+  for (int i = 0; i < index.Size(); ++i) {
+    const auto member = frames.find(index.IdOf(i));
+    bodies.push_back(member == frames.end()
+                         ? i
+                         : first_of_frames.emplace(member->second.frame_id, i)
+                               .first->second);
   }
-  return consistent;
+  return bodies;
 }
 
-// Agreement with epipolar lines does not bring back look-alikes that an
-// imported score excluded or that are displaced along the baseline.
-bool StaysOut(PairStatus status) {
-  return status == PairStatus::LOW_PAIR_SCORE ||
-         status == PairStatus::TRANSLATION_OUTLIER;
+// Frames that an image with enough points gives a pose.
+std::set<frame_t> FramesWithPoints(const ModelRefinementOptions& options,
+                                   const FrameMembers& frames,
+                                   const colmap::Reconstruction& model) {
+  std::set<frame_t> frame_ids;
+  for (const auto& [image_id, member] : frames) {
+    if (IsRegistered(model, image_id) &&
+        model.Image(image_id).NumPoints3D() >=
+            size_t(options.min_num_points_per_image)) {
+      frame_ids.insert(member.frame_id);
+    }
+  }
+  return frame_ids;
 }
 
 }  // namespace
@@ -174,24 +140,19 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
       .AreKept();
 }
 
-GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
-                                         const DepthPriors& priors,
-                                         colmap::image_t fixed_image,
-                                         colmap::Reconstruction* model) {
-  const ImageIndex index(SortedRegisteredImages(*model));
+GlobalPositioningSummary PositionCameras(
+    const GlobalPositioningOptions& options,
+    int num_threads,
+    colmap::image_t fixed_image,
+    colmap::Reconstruction* model,
+    const FrameMembers& frames) {
+  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(*model);
+  const ImageIndex index(image_ids);
   const std::vector<colmap::point3D_t> point_ids = SortedPoints(*model);
   std::vector<Eigen::Vector3d> centers;
   for (int i = 0; i < index.Size(); ++i) {
     centers.push_back(
         CamFromWorld(model->Image(index.IdOf(i))).TargetOriginInSource());
-  }
-  DepthPriors needed;
-  std::map<colmap::image_t, DepthScale> scales;
-  if (options.global_positioning.use_depth) {
-    needed = PriorsInNeed(options, *model, priors);
-    if (!needed.stddevs.empty()) {
-      scales = DepthScalesOfModel(*priors.depths, *model);
-    }
   }
   std::vector<Eigen::Vector3d> points;
   std::vector<PositioningObservation> observations;
@@ -201,27 +162,22 @@ GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
       PositioningObservation observation;
       observation.camera = index.Of(element.image_id);
       observation.point = int(points.size());
-      const Eigen::Vector3d ray_in_cam = RayInCam(*model, element);
       observation.ray_in_world =
           CamFromWorld(model->Image(element.image_id)).rotation.conjugate() *
-          ray_in_cam;
-      const auto scale = scales.find(element.image_id);
-      if (needed.Has(element.image_id) && scale != scales.end()) {
-        SetLogDistance(scale->second.scale *
-                           priors.depths->at(element.image_id)
-                               .depths[element.point2D_idx] /
-                           ray_in_cam.z(),
-                       needed.stddevs.at(element.image_id),
-                       &observation);
-      }
+          RayInCam(*model, element);
       observations.push_back(observation);
     }
     points.push_back(point.XYZ());
   }
-  GlobalPositioningOptions positioning = options.global_positioning;
-  positioning.num_threads = EffectiveNumThreads(options.num_threads);
+  GlobalPositioningOptions positioning = options;
+  positioning.num_threads = EffectiveNumThreads(num_threads);
   const GlobalPositioningSummary summary = SolveGlobalPositioning(
-      observations, index.Of(fixed_image), positioning, &centers, &points);
+      observations,
+      index.Of(fixed_image),
+      positioning,
+      &centers,
+      &points,
+      {BodiesOf(index, frames), HasBaseline(frames, image_ids)});
   if (!summary.success) return summary;
   for (int i = 0; i < index.Size(); ++i) {
     SetCenterInWorld(centers[i], &model->Image(index.IdOf(i)));
@@ -259,21 +215,6 @@ size_t FilterObservationsByAngle(double max_angle_deg,
   return num_filtered;
 }
 
-DepthPriors PriorsInNeed(const ModelRefinementOptions& options,
-                         const colmap::Reconstruction& model,
-                         const DepthPriors& priors) {
-  DepthPriors needed = {priors.depths, {}};
-  for (const auto& [image_id, num_points] :
-       Triangulation(options, model).num_points) {
-    const auto it = priors.stddevs.find(image_id);
-    if (num_points < options.min_num_triangulated_per_image &&
-        it != priors.stddevs.end()) {
-      needed.stddevs.insert(*it);
-    }
-  }
-  return needed;
-}
-
 size_t FilterObservations(const ModelRefinementOptions& options,
                           double error_factor,
                           colmap::Reconstruction* model) {
@@ -284,52 +225,6 @@ size_t FilterObservations(const ModelRefinementOptions& options,
                                         options.min_triangulation_angle_deg,
                                         DispensablePoints(options, *model));
   return num_filtered;
-}
-
-void BuildCorrespondenceGraph(const Scene& scene,
-                              const PairGeometries& pairs,
-                              const PairVerificationOptions& verification,
-                              double max_epipolar_error_px,
-                              const colmap::Reconstruction& model,
-                              colmap::CorrespondenceGraph* graph) {
-  for (const auto& [image_id, image] : model.Images()) {
-    graph->AddImage(image_id, image.NumPoints2D());
-  }
-  for (const auto& [pair_id, matches] : scene.matches) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    const auto pair = pairs.find(pair_id);
-    if (!model.ExistsImage(image_id1) || !model.ExistsImage(image_id2) ||
-        !model.IsImageRegistered(image_id1) ||
-        !model.IsImageRegistered(image_id2) ||
-        (pair != pairs.end() && StaysOut(pair->second.status))) {
-      continue;
-    }
-    const colmap::FeatureMatches consistent = MatchesOnEpipolarLines(
-        model, image_id1, image_id2, matches, max_epipolar_error_px);
-    if (double(consistent.size()) >=
-        std::max<double>(
-            verification.min_num_inliers,
-            verification.min_inlier_ratio * double(matches.size()))) {
-      graph->AddCorrespondences(image_id1, image_id2, consistent);
-    }
-  }
-}
-
-size_t Retriangulate(const ModelRefinementOptions& options,
-                     const colmap::CorrespondenceGraph& graph,
-                     colmap::Reconstruction* model) {
-  colmap::IncrementalTriangulator::Options triangulation;
-  triangulation.complete_max_reproj_error = options.max_completion_error_px;
-  triangulation.merge_max_reproj_error = options.max_completion_error_px;
-  triangulation.min_angle = std::max(options.min_triangulation_angle_deg, 1e-3);
-  colmap::IncrementalTriangulator triangulator(&graph, model);
-  const size_t num_before = model->ComputeNumObservations();
-  for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
-    triangulator.TriangulateImage(triangulation, image_id);
-  }
-  triangulator.CompleteAllTracks(triangulation);
-  triangulator.MergeAllTracks(triangulation);
-  return model->ComputeNumObservations() - num_before;
 }
 
 std::set<colmap::camera_t> ImplausibleCameras(
@@ -346,11 +241,20 @@ std::set<colmap::camera_t> ImplausibleCameras(
 }
 
 std::map<colmap::image_t, std::string> FilterImages(
-    const ModelRefinementOptions& options, colmap::Reconstruction* model) {
+    const ModelRefinementOptions& options,
+    const FrameMembers& frames,
+    colmap::Reconstruction* model) {
   std::map<colmap::image_t, std::string> filtered;
+  const std::set<frame_t> with_points =
+      FramesWithPoints(options, frames, *model);
   const std::set<colmap::camera_t> implausible = ImplausibleCameras(*model);
   for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
     const colmap::Image& image = model->Image(image_id);
+    const auto member = frames.find(image_id);
+    if (member != frames.end() &&
+        with_points.count(member->second.frame_id) > 0) {
+      continue;
+    }
     if (image.NumPoints3D() < size_t(options.min_num_points_per_image)) {
       filtered[image_id] = "only " + std::to_string(image.NumPoints3D()) +
                            " points after bundle adjustment";

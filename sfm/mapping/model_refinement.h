@@ -1,5 +1,5 @@
-// The nonlinear stages over a colmap::Reconstruction: global positioning,
-// bundle adjustment with filters, retriangulation.
+// Global positioning of a colmap::Reconstruction, and the filters between its
+// adjustments.
 
 #pragma once
 
@@ -9,7 +9,6 @@
 
 #include <colmap/util/alignment.h>
 
-#include <colmap/base/correspondence_graph.h>
 #include <colmap/base/reconstruction.h>
 
 #include <map>
@@ -34,8 +33,7 @@ struct ModelRefinementOptions {
   // Points whose rays all enclose less than this are removed [deg] ...
   double min_triangulation_angle_deg = 1.5;
   // ... unless an image that sees them has fewer other points than this: they
-  // still hold its rotation. Such images alone use their depth maps in bundle
-  // adjustment.
+  // still hold its rotation.
   int min_num_triangulated_per_image = 100;
   // Whether the adjustment after retriangulation, when the model is complete,
   // frees the principal points within their prior.
@@ -47,29 +45,24 @@ struct ModelRefinementOptions {
   double max_completion_error_px = 4.0;
   // Images with fewer points than this are not registered.
   int min_num_points_per_image = 10;
-  // Threads of the solvers; -1 = all cores.
-  int num_threads = -1;
 
   bool IsValid(std::string* error) const;
 };
 
 // Refines centres and points with fixed rotations (DGSfM Eq. 17). The centre
-// of fixed_image stays. With use_depth, the depth maps of images that see too
-// few points with parallax take part. Returns the solver's summary.
-GlobalPositioningSummary PositionCameras(const ModelRefinementOptions& options,
-                                         const DepthPriors& priors,
-                                         colmap::image_t fixed_image,
-                                         colmap::Reconstruction* model);
+// of fixed_image stays. Images of a frame move together. Returns the solver's
+// summary.
+GlobalPositioningSummary PositionCameras(
+    const GlobalPositioningOptions& options,
+    int num_threads,
+    colmap::image_t fixed_image,
+    colmap::Reconstruction* model,
+    const FrameMembers& frames = {});
 
 // Removes observations more than max_angle_deg off their point or behind the
 // camera, and points left with one; returns the number of observations.
 size_t FilterObservationsByAngle(double max_angle_deg,
                                  colmap::Reconstruction* model);
-
-// The depth maps of registered images that see too few points with parallax.
-DepthPriors PriorsInNeed(const ModelRefinementOptions& options,
-                         const colmap::Reconstruction& model,
-                         const DepthPriors& priors);
 
 // Removes observations with large reprojection error or behind the camera and
 // points with a small triangulation angle that no image is in need of; returns
@@ -78,33 +71,18 @@ size_t FilterObservations(const ModelRefinementOptions& options,
                           double error_factor,
                           colmap::Reconstruction* model);
 
-// Matches of the scene that agree with the poses of a model: those within
-// max_epipolar_error_px of the epipolar lines, of the pairs that keep
-// min_num_inliers and min_inlier_ratio of theirs. The poses of a model
-// are better evidence than a pair alone, its depth or its triplets; pairs
-// removed by an imported score or by their translation stay out.
-void BuildCorrespondenceGraph(const Scene& scene,
-                              const PairGeometries& pairs,
-                              const PairVerificationOptions& verification,
-                              double max_epipolar_error_px,
-                              const colmap::Reconstruction& model,
-                              colmap::CorrespondenceGraph* graph);
-
-// Triangulates what has no point yet, completes and merges tracks. Returns the
-// number of observations that the model gained.
-size_t Retriangulate(const ModelRefinementOptions& options,
-                     const colmap::CorrespondenceGraph& graph,
-                     colmap::Reconstruction* model);
-
 // Cameras of registered images whose focal length or distortion no real camera
 // has.
 std::set<colmap::camera_t> ImplausibleCameras(
     const colmap::Reconstruction& model);
 
 // De-registers images with too few points or implausible intrinsics and
-// returns them with the reason.
+// returns them with the reason. Images of a frame that has enough points in
+// another image stay.
 std::map<colmap::image_t, std::string> FilterImages(
-    const ModelRefinementOptions& options, colmap::Reconstruction* model);
+    const ModelRefinementOptions& options,
+    const FrameMembers& frames,
+    colmap::Reconstruction* model);
 
 // Stores the mean reprojection error of each point in it [px].
 void UpdatePointErrors(colmap::Reconstruction* model);

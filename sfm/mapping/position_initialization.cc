@@ -5,6 +5,7 @@
 #include "estimators/averaging/graph.h"
 #include "estimators/median.h"
 #include "estimators/optimization/ray_intersection.h"
+#include "sfm/mapping/rig_model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,12 +15,11 @@ namespace dgsfm {
 
 namespace {
 
-// Smallest angle between two rays of a point triangulated for the start [deg]:
-// below it the position along the rays is noise.
-constexpr double kMinTriangulationAngleDeg = 1.5;
 // Tracks a resected centre must rest on; two determine it, the rest reveals
 // wrong ones.
 constexpr int kMinNumResectionTracks = 6;
+// Rounds in which frames place images, which place points and other frames.
+constexpr int kNumFrameRounds = 2;
 // Weight of a seed pair stops to grow beyond this parallax [deg].
 constexpr double kGoodParallaxDeg = 15.0;
 
@@ -41,11 +41,15 @@ class PositionInitializer {
                       const ImageScales& scales,
                       const std::vector<colmap::Track>& tracks,
                       const PositionInitializationOptions& options,
+                      double min_triangulation_angle_deg,
+                      const FrameMembers& frames,
                       colmap::Reconstruction* reconstruction)
       : index_(index),
         pairs_(pairs),
         scales_(options.use_depth ? scales : ImageScales()),
         tracks_(tracks),
+        frames_(frames),
+        min_triangulation_angle_deg_(min_triangulation_angle_deg),
         reconstruction_(reconstruction),
         centers_(index.Size()),
         points_(tracks.size()),
@@ -58,6 +62,12 @@ class PositionInitializer {
     if (!PlaceScaledImages()) PlaceSeedPair();
     for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
     GrowByResection();
+    for (int round = 0; !frames_.empty() && round < kNumFrameRounds; ++round) {
+      PlaceFrames();
+      for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
+      GrowByResection();
+    }
+    if (!frames_.empty()) PlaceFrames();
     return WriteToReconstruction();
   }
 
@@ -119,6 +129,8 @@ class PositionInitializer {
       strength[edges.back().second] += weights.back();
     }
     if (edges.empty()) return false;
+    // Chains from the best connected image are short, and errors along them
+    // few.
     const int root = int(std::max_element(strength.begin(), strength.end()) -
                          strength.begin());
     const SpanningTree tree =
@@ -202,7 +214,7 @@ class PositionInitializer {
       points_[track] = ComponentwiseMedian(lifted);
     } else {
       points_[track] =
-          TriangulateRays(centers, rays, kMinTriangulationAngleDeg);
+          TriangulateRays(centers, rays, min_triangulation_angle_deg_);
     }
     if (!points_[track]) return;
     for (const Observation& observation : observations_[track]) {
@@ -210,6 +222,8 @@ class PositionInitializer {
     }
   }
 
+  // The image that sees most placed tracks goes first: its centre is the
+  // surest, and places tracks for the others. Each image has one try.
   void GrowByResection() {
     std::vector<char> is_tried(index_.Size(), 0);
     while (true) {
@@ -241,7 +255,39 @@ class PositionInitializer {
     }
   }
 
-  size_t WriteToReconstruction() {
+  // Brings the start to the unit of the rigs, and the images of each frame to
+  // where its placed images have the frame.
+  void PlaceFrames() {
+    WriteCenters();
+    const auto scale = ModelFromRigScale(frames_, *reconstruction_);
+    if (scale && *scale > 0) {
+      Rescale(1 / *scale);
+      WriteCenters();
+    }
+    JoinFrames(frames_, reconstruction_);
+    for (int image = 0; image < index_.Size(); ++image) {
+      const colmap::image_t image_id = index_.IdOf(image);
+      if (!reconstruction_->IsImageRegistered(image_id)) continue;
+      centers_[image] =
+          CamFromWorld(reconstruction_->Image(image_id)).TargetOriginInSource();
+    }
+  }
+
+  void Rescale(double factor) {
+    for (auto& center : centers_) {
+      if (center) *center *= factor;
+    }
+    for (auto& point : points_) {
+      if (point) *point *= factor;
+    }
+    for (auto& observations : observations_) {
+      for (Observation& observation : observations) {
+        observation.depth *= factor;
+      }
+    }
+  }
+
+  size_t WriteCenters() {
     size_t num_registered = 0;
     for (int image = 0; image < index_.Size(); ++image) {
       if (!centers_[image]) continue;
@@ -250,6 +296,11 @@ class PositionInitializer {
       reconstruction_->RegisterImage(image_id);
       ++num_registered;
     }
+    return num_registered;
+  }
+
+  size_t WriteToReconstruction() {
+    const size_t num_registered = WriteCenters();
     for (size_t i = 0; i < tracks_.size(); ++i) {
       if (!points_[i]) continue;
       colmap::Track track;
@@ -266,6 +317,9 @@ class PositionInitializer {
   const PairGeometries& pairs_;
   const ImageScales scales_;
   const std::vector<colmap::Track>& tracks_;
+  const FrameMembers& frames_;
+  // Below it the position of a point along its rays is noise.
+  const double min_triangulation_angle_deg_;
   colmap::Reconstruction* reconstruction_;
 
   std::vector<std::optional<Eigen::Vector3d>> centers_;
@@ -283,9 +337,18 @@ size_t InitializePositions(const ImageIndex& index,
                            const ImageScales& scales,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
-                           colmap::Reconstruction* reconstruction) {
-  return PositionInitializer(
-             index, pairs, depths, scales, tracks, options, reconstruction)
+                           double min_triangulation_angle_deg,
+                           colmap::Reconstruction* reconstruction,
+                           const FrameMembers& frames) {
+  return PositionInitializer(index,
+                             pairs,
+                             depths,
+                             scales,
+                             tracks,
+                             options,
+                             min_triangulation_angle_deg,
+                             frames,
+                             reconstruction)
       .Run();
 }
 

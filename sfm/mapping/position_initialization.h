@@ -28,14 +28,18 @@ struct PositionInitializationOptions {
 // lifted observations (Eq. 14 to 16, with z-depth). The other images follow by
 // number of tracks already placed: their centre is the robust least-squares
 // intersection of the viewing rays of these tracks. Images that never see six
-// placed tracks stay unregistered; tracks with fewer than two registered images
-// are not added. Returns the number of registered images.
+// placed tracks stay unregistered; tracks with fewer than two registered
+// images, or without depth and with rays that enclose less than
+// min_triangulation_angle_deg, are not added. Returns the number of registered
+// images.
 size_t InitializePositions(const ImageIndex& index,
                            const PairGeometries& pairs,
                            const KeypointDepthMap& depths,
                            const ImageScales& scales,
                            const std::vector<colmap::Track>& tracks,
                            const PositionInitializationOptions& options,
-                           colmap::Reconstruction* reconstruction);
+                           double min_triangulation_angle_deg,
+                           colmap::Reconstruction* reconstruction,
+                           const FrameMembers& frames = {});
 
 }  // namespace dgsfm

@@ -34,6 +34,8 @@ std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs) {
       contradictions[image_id2].insert(image_id1);
     }
   }
+  // One at a time: a bad map also contradicts good ones, which are cleared once
+  // it is gone.
   std::set<colmap::image_t> unreliable;
   while (true) {
     int worst_excess = 0;

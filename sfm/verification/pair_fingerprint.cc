@@ -8,7 +8,7 @@ namespace {
 
 // To be raised whenever VerifyPair() gives another result for the same pair:
 // what an earlier version of the program has stored does not hold any more.
-constexpr uint32_t kVersion = 5;
+constexpr uint32_t kVersion = 7;
 
 void AddImage(const PairImage& image, FnvHash* hash) {
   hash->Add(image.image.CameraId());
@@ -23,6 +23,7 @@ void AddImage(const PairImage& image, FnvHash* hash) {
   if (image.depths != nullptr) hash->Add(image.depths->focal_length_px);
 }
 
+// Only matched key points count: others do not change the result.
 void AddPoint(const PairImage& image,
               colmap::point2D_t point2D_idx,
               FnvHash* hash) {

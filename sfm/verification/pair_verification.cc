@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
 #include "estimators/option_check.h"
+#include "estimators/random.h"
 #include "estimators/two_view/two_view_residuals.h"
 #include "sfm/verification/centered_point.h"
 
@@ -13,15 +14,6 @@
 namespace dgsfm {
 
 namespace {
-
-// Mixes the pair id with the user's seed (splitmix64 finaliser), so that the
-// result of a pair depends on neither threads nor other pairs.
-uint64_t PairSeed(colmap::image_pair_t pair_id, int random_seed) {
-  uint64_t x = pair_id + 0x9E3779B97F4A7C15ull * (1 + uint64_t(random_seed));
-  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ull;
-  x = (x ^ (x >> 27)) * 0x94D049BB133111EBull;
-  return x ^ (x >> 31);
-}
 
 // Undistorted if the camera is known, otherwise relative to the principal
 // point. Nothing where the camera has no ray.
@@ -89,6 +81,7 @@ FocalPrior PriorOf(const PairImage& image) {
   return {image.depths->focal_length_px, kDepthModelLogStddev};
 }
 
+// Two images of one uncalibrated camera share their unknown focal length.
 FocalCase FocalCaseOfPair(const colmap::Camera& camera1,
                           const colmap::Camera& camera2) {
   const bool known1 = camera1.HasPriorFocalLength();
@@ -155,6 +148,8 @@ double MinNumInliers(const PairVerificationOptions& options,
                           options.min_inlier_ratio * double(num_matches));
 }
 
+// The first test that fails names the status, epipolar ones first: what depth
+// says about a pair without geometry has no meaning.
 PairStatus JudgePair(const PairGeometry& pair,
                      int num_epipolar_inliers,
                      const PairVerificationOptions& options) {
@@ -231,13 +226,16 @@ PairGeometry VerifyPair(const PairImage& image1,
   input.focal_prior2 = PriorOf(image2);
   input.image_size1_px = double(std::max(camera1.Width(), camera1.Height()));
   input.image_size2_px = double(std::max(camera2.Width(), camera2.Height()));
+  // The published estimator makes all its trials whatever they find.
   if (!options.two_view.paper) {
     input.min_num_inliers =
         int(std::ceil(MinNumInliers(options, matches.size())));
   }
-  input.seed =
-      PairSeed(PairIdOfImages(image1.image.ImageId(), image2.image.ImageId()),
-               options.random_seed);
+  // A number of the stream that the user's seed selects, so that the result
+  // depends on neither threads nor other pairs.
+  input.seed = SplitMix64(
+      PairIdOfImages(image1.image.ImageId(), image2.image.ImageId()) +
+      0x9E3779B97F4A7C15ull * uint64_t(options.random_seed))();
   const TwoViewDepthResult result =
       EstimateTwoViewGeometryWithDepth(input, options.two_view);
   if (!result.success) {
@@ -286,6 +284,7 @@ PairGeometries VerifyPairs(
   for (const auto& [pair_id, pair_matches] : matches) {
     items.push_back({pair_id, &pair_matches, &pairs[pair_id]});
   }
+  // Long pairs first, so that no thread starts one when the others end.
   std::stable_sort(
       items.begin(), items.end(), [](const Item& a, const Item& b) {
         return a.matches->size() > b.matches->size();

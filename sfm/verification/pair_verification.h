@@ -34,7 +34,8 @@ struct PairVerificationOptions {
   double max_scale_ratio = 10.0;
   // Mixed into the seed of every pair.
   int random_seed = 0;
-  // Threads over pairs; -1 = all cores. Results do not depend on it.
+  // Threads over pairs, and of all stages of the mapper; -1 = all cores.
+  // Results do not depend on it.
   int num_threads = -1;
 
   bool IsValid(std::string* error) const;

@@ -12,6 +12,7 @@ namespace {
 constexpr size_t kMinNumImages = 3;
 constexpr int kMinNumStaticMatches = 2;
 
+// Components of the graph whose edges are the stationary pairs.
 std::vector<std::vector<colmap::image_t>> ConnectedByStationaryPairs(
     const PairGeometries& pairs) {
   PairGeometries stationary;
@@ -33,6 +34,8 @@ void Count(bool is_static, Votes* votes) {
   votes->num_static += is_static;
 }
 
+// All matches within the group vote, those of valid pairs too: a moving point
+// may be matched in a stationary pair by chance.
 StaticKeypoints FindInGroup(const Scene& scene,
                             const std::vector<colmap::image_t>& image_ids,
                             double max_motion_px) {
@@ -96,6 +99,7 @@ std::map<colmap::image_pair_t, colmap::FeatureMatches> MatchesThatMove(
         left.push_back(match);
       }
     }
+    // Unchanged pairs need no second verification.
     if (left.size() < matches.size()) moving[pair_id] = std::move(left);
   }
   return moving;

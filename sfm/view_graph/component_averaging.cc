@@ -5,6 +5,7 @@
 #include "estimators/option_check.h"
 #include "sfm/view_graph/missing_matches.h"
 #include "sfm/view_graph/pair_evidence.h"
+#include "sfm/view_graph/rotation_nodes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -42,34 +43,44 @@ struct RotationAverage {
 
 std::optional<RotationAverage> AverageRotationsKeeping(
     const ComponentAveragingOptions& options,
-    const ImageIndex& index,
+    const RotationNodes& nodes,
     const std::vector<IndexedPair>& valid_pairs,
     const std::vector<double>& weight_factors,
-    std::vector<Eigen::Quaterniond> start) {
-  RotationAverage average;
-  average.cam_from_world = std::move(start);
+    const std::vector<Eigen::Quaterniond>& start) {
   std::vector<RelativeRotation> relative_rotations;
   for (size_t i = 0; i < valid_pairs.size(); ++i) {
-    const PairGeometry& pair = *valid_pairs[i].pair;
-    RelativeRotation& relative = relative_rotations.emplace_back();
-    relative.node1 = valid_pairs[i].image1;
-    relative.node2 = valid_pairs[i].image2;
-    relative.cam2_from_cam1 = pair.cam2_from_cam1.rotation;
-    relative.weight = PairEvidence(pair) * weight_factors[i];
+    const auto& [image1, image2, pair] = valid_pairs[i];
+    RelativeRotation relative;
+    relative.node1 = nodes.node_of_image[image1];
+    relative.node2 = nodes.node_of_image[image2];
+    if (relative.node1 == relative.node2) continue;
+    relative.cam2_from_cam1 = nodes.cam_from_node[image2].conjugate() *
+                              pair->cam2_from_cam1.rotation *
+                              nodes.cam_from_node[image1];
+    relative.weight = PairEvidence(*pair) * weight_factors[i];
+    relative_rotations.push_back(relative);
   }
-  if (!AverageRotations(index.Size(),
-                        relative_rotations,
-                        /*fixed_node=*/0,
-                        options.rotation_averaging,
-                        &average.cam_from_world)) {
+  std::vector<Eigen::Quaterniond> node_from_world = nodes.NodeFromWorld(start);
+  if (nodes.num_nodes == 1) {
+    node_from_world.assign(1, Eigen::Quaterniond::Identity());
+  } else if (!AverageRotations(nodes.num_nodes,
+                               relative_rotations,
+                               /*fixed_node=*/0,
+                               options.rotation_averaging,
+                               &node_from_world)) {
     return std::nullopt;
   }
-  for (const RelativeRotation& relative : relative_rotations) {
+  RotationAverage average;
+  for (size_t i = 0; i < nodes.node_of_image.size(); ++i) {
+    average.cam_from_world.push_back(nodes.cam_from_node[i] *
+                                     node_from_world[nodes.node_of_image[i]]);
+  }
+  for (const auto& [image1, image2, pair] : valid_pairs) {
     const Eigen::Quaterniond predicted =
-        average.cam_from_world[relative.node2] *
-        average.cam_from_world[relative.node1].conjugate();
+        average.cam_from_world[image2] *
+        average.cam_from_world[image1].conjugate();
     average.is_outlier.push_back(
-        predicted.angularDistance(relative.cam2_from_cam1) * 180 / M_PI >
+        predicted.angularDistance(pair->cam2_from_cam1.rotation) * 180 / M_PI >
         options.max_rotation_error_deg);
   }
   return average;
@@ -110,15 +121,14 @@ std::optional<RotationAverage> FindBestAverage(
     const ComponentAveragingOptions& options,
     const Scene& scene,
     const KeypointDepthMap& depths,
+    const FrameMembers& frames,
     const ImageIndex& index,
     const std::vector<IndexedPair>& valid_pairs,
     const PairGeometries& pairs) {
+  const RotationNodes nodes(index, frames);
   const auto average_with = [&](const std::vector<double>& factors) {
-    return AverageRotationsKeeping(options,
-                                   index,
-                                   valid_pairs,
-                                   factors,
-                                   std::vector<Eigen::Quaterniond>());
+    return AverageRotationsKeeping(
+        options, nodes, valid_pairs, factors, /*start=*/{});
   };
   std::vector<double> weight_factors(valid_pairs.size(), 1);
   std::optional<RotationAverage> best = average_with(weight_factors);
@@ -145,9 +155,9 @@ std::optional<RotationAverage> FindBestAverage(
       const double cost = CostOf(*average, valid_pairs, missing);
       const int num_strong =
           KeepStrongOutliers(*average, valid_pairs, &factors);
-      LOG(INFO) << "Rotations that keep " << num_strong
-                << " more strong pairs cost " << cost << ", to win at most "
-                << best_cost;
+      VLOG(1) << "Rotations that keep " << num_strong
+              << " more strong pairs cost " << cost << ", to win at most "
+              << best_cost;
       if (cost < best_cost) {
         best_cost = cost;
         best = std::move(average);
@@ -255,6 +265,7 @@ std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
     const Scene& scene,
     const KeypointDepthMap& depths,
+    const FrameMembers& frames,
     const std::vector<colmap::image_t>& image_ids,
     PairGeometries* pairs) {
   ComponentRotations rotations;
@@ -263,17 +274,18 @@ std::optional<ComponentRotations> AverageComponentRotations(
     const ImageIndex index(rotations.image_ids);
     const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
     std::optional<RotationAverage> average =
-        round == 0 ? FindBestAverage(
-                         options, scene, depths, index, valid_pairs, *pairs)
-                   : AverageRotationsKeeping(
-                         options,
-                         index,
-                         valid_pairs,
-                         std::vector<double>(valid_pairs.size(), 1),
-                         std::move(rotations.cam_from_world));
+        round == 0
+            ? FindBestAverage(
+                  options, scene, depths, frames, index, valid_pairs, *pairs)
+            : AverageRotationsKeeping(
+                  options,
+                  RotationNodes(index, frames),
+                  valid_pairs,
+                  std::vector<double>(valid_pairs.size(), 1),
+                  rotations.cam_from_world);
     if (!average) return std::nullopt;
     rotations.cam_from_world = std::move(average->cam_from_world);
-    std::vector<GraphEdge> edges;
+    std::vector<GraphEdge> edges = FrameEdges(index, frames);
     for (size_t i = 0; i < valid_pairs.size(); ++i) {
       if (average->is_outlier[i]) {
         valid_pairs[i].pair->Judge(PairStage::ROTATION_AVERAGING,

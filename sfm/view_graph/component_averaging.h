@@ -57,11 +57,13 @@ struct ComponentRotations {
 // are outliers, averages that keep them are tried as well: one of these wins if
 // its cost, matches that its pairs miss by the depths and evidence of its
 // outliers, is clearly lower.
+// Images of a frame share its rotation, which all their pairs determine.
 // Nothing if the averaging fails.
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
     const Scene& scene,
     const KeypointDepthMap& depths,
+    const FrameMembers& frames,
     const std::vector<colmap::image_t>& image_ids,
     PairGeometries* pairs);
 

@@ -12,13 +12,23 @@ namespace dgsfm {
 
 namespace {
 
-std::vector<colmap::image_t> ImagesOfValidPairs(const PairGeometries& pairs) {
+// Those of valid pairs, and all images of their frames.
+std::vector<colmap::image_t> ImagesToConnect(const PairGeometries& pairs,
+                                             const FrameMembers& frames) {
   std::set<colmap::image_t> image_ids;
   for (const auto& [pair_id, pair] : pairs) {
     if (pair.status != PairStatus::VALID) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     image_ids.insert(image_id1);
     image_ids.insert(image_id2);
+  }
+  std::set<frame_t> frame_ids;
+  for (const colmap::image_t image_id : image_ids) {
+    const auto member = frames.find(image_id);
+    if (member != frames.end()) frame_ids.insert(member->second.frame_id);
+  }
+  for (const auto& [image_id, member] : frames) {
+    if (frame_ids.count(member.frame_id) > 0) image_ids.insert(image_id);
   }
   return {image_ids.begin(), image_ids.end()};
 }
@@ -58,7 +68,7 @@ size_t FilterByPairScore(const PairScores& scores,
 
 size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
                               PairGeometries* pairs) {
-  const ImageIndex index(ImagesOfValidPairs(*pairs));
+  const ImageIndex index(ImagesToConnect(*pairs, {}));
   const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
   std::vector<GraphEdge> edges;
   std::vector<double> counts;
@@ -80,9 +90,9 @@ size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
 }
 
 std::vector<std::vector<colmap::image_t>> ConnectedImages(
-    const PairGeometries& pairs) {
-  const ImageIndex index(ImagesOfValidPairs(pairs));
-  std::vector<GraphEdge> edges;
+    const PairGeometries& pairs, const FrameMembers& frames) {
+  const ImageIndex index(ImagesToConnect(pairs, frames));
+  std::vector<GraphEdge> edges = FrameEdges(index, frames);
   for (const auto& [pair_id, pair] : pairs) {
     if (pair.status != PairStatus::VALID) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
@@ -97,6 +107,20 @@ std::vector<std::vector<colmap::image_t>> ConnectedImages(
     images[components[i]].push_back(index.IdOf(i));
   }
   return images;
+}
+
+std::vector<GraphEdge> FrameEdges(const ImageIndex& index,
+                                  const FrameMembers& frames) {
+  std::vector<GraphEdge> edges;
+  std::map<frame_t, int> first_of_frames;
+  for (const auto& [image_id, member] : frames) {
+    const int image = index.Of(image_id);
+    if (image < 0) continue;
+    const auto [first, is_new] =
+        first_of_frames.emplace(member.frame_id, image);
+    if (!is_new) edges.emplace_back(first->second, image);
+  }
+  return edges;
 }
 
 ImageIndex::ImageIndex(const std::vector<colmap::image_t>& image_ids)

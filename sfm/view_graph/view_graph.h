@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "estimators/averaging/graph.h"
 #include "sfm/verification/pair_verification.h"
 
 #include <map>
@@ -40,10 +41,10 @@ size_t FilterByPairScore(const PairScores& scores,
 size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
                               PairGeometries* pairs);
 
-// Images of each connected component of the valid pairs, in increasing order;
-// the largest component first, ties by the smallest image id.
+// Images of each connected component of the valid pairs and of the frames, in
+// increasing order; the largest component first, ties by the smallest image id.
 std::vector<std::vector<colmap::image_t>> ConnectedImages(
-    const PairGeometries& pairs);
+    const PairGeometries& pairs, const FrameMembers& frames = {});
 
 // Compact node numbering of a set of images for the graph estimators.
 class ImageIndex {
@@ -57,6 +58,10 @@ class ImageIndex {
  private:
   std::vector<colmap::image_t> image_ids_;
 };
+
+// Edges that join the images of each frame.
+std::vector<GraphEdge> FrameEdges(const ImageIndex& index,
+                                  const FrameMembers& frames);
 
 // Pointers to the valid pairs among the images of an index, by pair id.
 struct IndexedPair {

@@ -1,7 +1,10 @@
 #include "colmap_ext/parallel.h"
 
+#include "colmap_ext/cancellation.h"
+
 #include <atomic>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -43,6 +46,42 @@ TEST(ParallelFor, RethrowsAfterAllThreadsHaveStopped) {
                  std::runtime_error);
     EXPECT_EQ(num_running, 0);
   }
+}
+
+TEST(ParallelFor, EndsWhenCancelled) {
+  for (const int num_threads : {1, 3}) {
+    CancellationFlag flag(false);
+    const CancellationScope scope(&flag);
+    std::atomic<int> num_calls = 0;
+    EXPECT_THROW(ParallelFor(1000,
+                             num_threads,
+                             [&](size_t i) {
+                               ++num_calls;
+                               if (i == 10) flag = true;
+                             }),
+                 Cancelled);
+    EXPECT_GT(num_calls, 10);
+    EXPECT_LT(num_calls, 1000);
+  }
+}
+
+TEST(ParallelFor, ThreadsTakeTheFlagOfTheirCaller) {
+  CancellationFlag flag(false);
+  const CancellationScope scope(&flag);
+  ParallelFor(
+      10, 3, [&](size_t) { EXPECT_EQ(CurrentCancellationFlag(), &flag); });
+  std::thread([] { EXPECT_EQ(CurrentCancellationFlag(), nullptr); }).join();
+}
+
+TEST(CancellationScope, Nests) {
+  CancellationFlag set(true);
+  const CancellationScope outer(&set);
+  EXPECT_THROW(ThrowIfCancelled(), Cancelled);
+  {
+    const CancellationScope inner(nullptr);
+    ThrowIfCancelled();
+  }
+  EXPECT_THROW(ThrowIfCancelled(), Cancelled);
 }
 
 TEST(EffectiveNumThreads, IsPositive) {

@@ -37,16 +37,17 @@ class DenseMatchImporter : public testing::Test {
                  const std::vector<float>& values,
                  const std::string& array = "matches",
                  int num_cols = 4) const {
-    const std::vector<uint8_t> bytes = internal::FormatNpyFloat(
-        {num_cols, static_cast<int>(values.size()) / num_cols, values});
-    AddToNpz(dir_ + "/matches.npz",
-             group + "/" + array + ".npy",
-             std::string(bytes.begin(), bytes.end()));
+    AddToNpz(
+        dir_ + "/matches.npz",
+        group + "/" + array + ".npy",
+        internal::FormatNpyFloat(
+            {num_cols, static_cast<int>(values.size()) / num_cols, values}));
   }
 
   DenseMatchImportSummary Import(
       const DenseMatchImportOptions& options = {}) const {
-    return ImportDenseMatches(database_path_, dir_ + "/matches.npz", options);
+    return ImportDenseMatches(
+        database_path_, DenseMatchFile(dir_ + "/matches.npz"), options);
   }
 
   void ExpectError(const std::vector<std::string>& parts) const {

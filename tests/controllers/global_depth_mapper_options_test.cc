@@ -69,7 +69,6 @@ TEST(PaperPreset, SetsEachValueOfTheRefinement) {
   refinement.global_positioning.max_num_iterations = 7;
   refinement.num_bundle_adjustment_rounds = 7;
   adjustment.max_num_iterations = 7;
-  adjustment.use_depth = true;
   adjustment.intrinsics.refine_focal_length = false;
   ApplyPaperPreset(&options);
   EXPECT_EQ(refinement.global_positioning.max_num_iterations, 100);
@@ -80,7 +79,6 @@ TEST(PaperPreset, SetsEachValueOfTheRefinement) {
   EXPECT_EQ(adjustment.max_num_iterations, 100);
   EXPECT_EQ(adjustment.function_tolerance, 1e-6);
   EXPECT_EQ(adjustment.loss_scale_px, 1);
-  EXPECT_FALSE(adjustment.use_depth);
   EXPECT_TRUE(adjustment.intrinsics.refine_focal_length);
   EXPECT_FALSE(adjustment.intrinsics.refine_extra_params);
   EXPECT_FALSE(adjustment.intrinsics.refine_principal_point);

@@ -6,6 +6,8 @@
 #include "tests/controllers/run_command.h"
 #include "tests/testing/test_dir.h"
 
+#include <colmap/util/bitmap.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -106,6 +108,41 @@ TEST_F(GlobalDepthMapperTest, ReplacesWhatAnEarlierRunWrote) {
       names,
       testing::UnorderedElementsAre(
           "0", "project.ini", "report.json", "notes.txt", ".dgsfm_manifest"));
+}
+
+TEST_F(GlobalDepthMapperTest, WritesThePageOfTheReport) {
+  const std::string page = dir_ + "/models/report.html";
+  ASSERT_EQ(Map(), 0);
+  EXPECT_FALSE(fs::exists(page));
+  ASSERT_EQ(Map({"--write_html_report", "1"}), 0);
+  EXPECT_THAT(FileContent(page), testing::HasSubstr("\"title\":\"models\""));
+  // It is gone with the run that it shows.
+  ASSERT_EQ(Map(), 0);
+  EXPECT_FALSE(fs::exists(page));
+
+  for (const auto& [image_id, image] : ReadScene(path_).images) {
+    colmap::Bitmap bitmap;
+    bitmap.Allocate(8, 6, true);
+    ASSERT_TRUE(bitmap.Write(dir_ + "/" + image.Name()));
+  }
+  ASSERT_EQ(Map({"--image_path", dir_, "--write_html_report", "0"}), 0);
+  EXPECT_FALSE(fs::exists(page));
+  ASSERT_EQ(Map({"--image_path", dir_}), 0);
+  EXPECT_THAT(FileContent(page), testing::HasSubstr("\"thumbnail\":\"/9j/"));
+}
+
+// A page that was made later is no file of somebody else's.
+TEST_F(GlobalDepthMapperTest, ReplacesThePageOfTheReporter) {
+  const std::string page = dir_ + "/models/report.html";
+  ASSERT_EQ(Map(), 0);
+  EXPECT_EQ(
+      RunForTest(&RunModelReporter,
+                 {"--input_path", dir_ + "/models", "--output_path", page})
+          .code,
+      0);
+  EXPECT_TRUE(fs::exists(page));
+  EXPECT_EQ(Map(), 0);
+  EXPECT_FALSE(fs::exists(page));
 }
 
 TEST_F(GlobalDepthMapperTest, TouchesNothingItDidNotWrite) {

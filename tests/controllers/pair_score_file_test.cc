@@ -67,6 +67,7 @@ TEST(PairScoreFile, ReadsEveryForm) {
   EXPECT_EQ(Read("a.txt", "a.jpg y/d.jpg 5e-1\na.jpg y/d.jpg 0.5"), plain);
   EXPECT_EQ(Read("a.csv", "\xef\xbb\xbfx/a.jpg,y/d.jpg,0.5\r\n"), plain);
   EXPECT_TRUE(Read("a.txt", "").empty());
+  EXPECT_EQ(Read("a.csv", "\"x/a.jpg\",y/d.jpg,.5"), plain);
   EXPECT_TRUE(Read("a.json", "{}").empty());
 }
 
@@ -89,6 +90,12 @@ TEST(PairScoreFile, NamesWhatIsWrong) {
   ExpectError("a.json", "{", "", "neither an object nor a list");
   ExpectError("a.json", "{\"a.jpg\": 1}", ", entry a.jpg", expected);
   ExpectError("a.json", "[[\"a.jpg\", 1, 1]]", ", entry 0", expected);
+  ExpectError(
+      "a.json", R"([["x/a.jpg", "x/d.jpg", 1, 0]])", ", entry 0", expected);
+  ExpectError("a.json",
+              R"({"x/a.jpg<>x/d.jpg<>y/d.jpg": 1})",
+              ", entry x/a.jpg",
+              expected);
   EXPECT_THROW(ReadPairScores("missing.txt", CreateScene()),
                std::runtime_error);
 }

@@ -13,7 +13,7 @@ namespace {
 TEST(Progress, PrintsTenLinesFromManyThreads) {
   testing::internal::CaptureStderr();
   {
-    Progress progress("Work", 400);
+    Progress progress("Work", 400, 400, /*line_interval_s=*/0);
     std::vector<std::thread> threads;
     for (int i = 0; i < 4; ++i) {
       threads.emplace_back([&progress] {
@@ -30,13 +30,41 @@ TEST(Progress, PrintsTenLinesFromManyThreads) {
 TEST(Progress, FewAndNoItemsAreFine) {
   testing::internal::CaptureStderr();
   {
-    Progress none("None", 0);
+    Progress none("None", 0, 0, /*line_interval_s=*/0);
     none.Step();
-    Progress three("Three", 3);
+    Progress three("Three", 3, 3, /*line_interval_s=*/0);
     for (int i = 0; i < 5; ++i) three.Step();
   }
   const std::string text = testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3) << text;
+}
+
+TEST(Progress, ShortWorkPrintsNothing) {
+  testing::internal::CaptureStderr();
+  {
+    Progress progress("Work", 100);
+    for (int i = 0; i < 100; ++i) progress.Step();
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(Progress, GoesToTheListenerOfItsThread) {
+  std::vector<size_t> done;
+  testing::internal::CaptureStderr();
+  {
+    const ProgressScope scope(
+        [&](const std::string& label, size_t num_done, size_t total) {
+          EXPECT_EQ(label, "Work");
+          EXPECT_EQ(total, 3);
+          done.push_back(num_done);
+        });
+    Progress progress("Work", 3);
+    std::thread([&progress] { progress.Step(); }).join();
+    progress.Step();
+    progress.Step();
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(done, (std::vector<size_t>{1, 2, 3}));
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "estimators/solvers/five_points.h"
 
-#include "estimators/solvers/polynomial.h"
 #include "estimators/two_view/two_view_model.h"
 
 #include <algorithm>
@@ -63,37 +62,6 @@ TEST(FivePoints, DegenerateProblemsGiveFiniteSolutionsOrNone) {
     const EssentialMatrices solutions = SolveFivePoints(points, points);
     for (int i = 0; i < solutions.count; ++i) {
       EXPECT_TRUE(solutions.values[i].allFinite());
-    }
-  }
-}
-
-TEST(Polynomial, FindsAllRealRootsOfDegreeTen) {
-  // (x + 3) (x + 0.5) (x - 0.1) (x - 2) (x^2 + 1)^3, and with x^2 - 1e-6
-  // instead of one of x^2 + 1.
-  for (const double last : {1.0, -1e-6}) {
-    std::vector<double> c = {1};
-    const auto multiply = [&c](const std::vector<double>& factor) {
-      std::vector<double> product(c.size() + factor.size() - 1, 0);
-      for (size_t i = 0; i < c.size(); ++i) {
-        for (size_t k = 0; k < factor.size(); ++k) {
-          product[i + k] += c[i] * factor[k];
-        }
-      }
-      c = product;
-    };
-    for (const double root : {-3.0, -0.5, 0.1, 2.0}) multiply({-root, 1});
-    multiply({1, 0, 1});
-    multiply({1, 0, 1});
-    multiply({last, 0, 1});
-    std::array<double, 11> coefficients;
-    std::copy(c.begin(), c.end(), coefficients.begin());
-    std::vector<double> expected = {-3, -0.5, 0.1, 2};
-    if (last < 0) expected = {-3, -0.5, -1e-3, 1e-3, 0.1, 2};
-    const BracketedRoots found = FindRealRoots(coefficients, 10);
-    ASSERT_EQ(found.count, static_cast<int>(expected.size()));
-    for (int i = 0; i < found.count; ++i) {
-      // The two roots near zero are badly conditioned.
-      EXPECT_NEAR(found.values[i], expected[i], 1e-11);
     }
   }
 }

@@ -95,8 +95,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     connection.Execute("PRAGMA synchronous = OFF");
     const size_t idx = data[0] % (sizeof(kUpdates) / sizeof(kUpdates[0]));
     SqliteStatement update(connection, kUpdates[idx]);
-    update.BindBytes(1, data + 9, size - 9);
-    Try([&] { update.BindInt(2, number).Run(); });
+    const std::vector<uint8_t> blob(data + 9, data + size);
+    Try([&] { update.Bind(blob, number).Run(); });
   }
   ReadAll(path);
   return 0;

@@ -27,21 +27,19 @@ std::string TemporaryPath(const std::string& extension) {
 }
 
 // For libraries that read files only.
-[[maybe_unused]] std::string WriteFile(const std::vector<uint8_t>& bytes,
+[[maybe_unused]] std::string WriteFile(const std::string& bytes,
                                        const std::string& extension) {
   const std::string path = TemporaryPath(extension);
-  std::ofstream(path, std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  std::ofstream(path, std::ios::binary) << bytes;
   return path;
 }
 
 #ifdef DGSFM_FUZZ_MATCHES
 // The bytes are arrays one behind the other: in an archive whose checksums
 // hold, what is in them counts.
-std::string WriteArrays(const std::vector<uint8_t>& bytes) {
+std::string WriteArrays(const std::string& text) {
   const std::string path = TemporaryPath(".npz");
   std::filesystem::remove(path);
-  const std::string text(bytes.begin(), bytes.end());
   size_t begin = 0;
   for (const char* name : {"a<>b/keypoints0",
                            "a<>b/keypoints1",
@@ -59,7 +57,7 @@ std::string WriteArrays(const std::vector<uint8_t>& bytes) {
 }
 #endif
 
-void Parse(const std::vector<uint8_t>& bytes) {
+void Parse(const std::string& bytes) {
 #if defined(DGSFM_FUZZ_NPY)
   ToGrid(ParseNpy(bytes));
 #elif defined(DGSFM_FUZZ_NPZ)
@@ -74,7 +72,7 @@ void Parse(const std::vector<uint8_t>& bytes) {
 #elif defined(DGSFM_FUZZ_EXR)
   ParseExr(bytes);
 #elif defined(DGSFM_FUZZ_TIFF)
-  ParseTiff(bytes);
+  ReadTiff(WriteFile(bytes, ".tif"));
 #elif defined(DGSFM_FUZZ_HDF5)
   const Hdf5File file(WriteFile(bytes, ".h5"));
   for (const std::string& group : file.FindGroups("")) {
@@ -90,10 +88,11 @@ void Parse(const std::vector<uint8_t>& bytes) {
   }
 #elif defined(DGSFM_FUZZ_BLOB)
   if (bytes.size() < 4) return;
-  DecompressDepth({bytes[0] + 256 * bytes[1],
-                   bytes[2] + 256 * bytes[3],
+  const std::vector<uint8_t> blob(bytes.begin(), bytes.end());
+  DecompressDepth({blob[0] + 256 * blob[1],
+                   blob[2] + 256 * blob[3],
                    DepthUnit::METRIC,
-                   {bytes.begin() + 4, bytes.end()}});
+                   {blob.begin() + 4, blob.end()}});
 #endif
 }
 
@@ -102,7 +101,7 @@ void Parse(const std::vector<uint8_t>& bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {
-    dgsfm::Parse({data, data + size});
+    dgsfm::Parse(std::string(data, data + size));
   } catch (const std::runtime_error&) {
   }
   return 0;

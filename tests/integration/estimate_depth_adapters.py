@@ -30,7 +30,7 @@ except ImportError as error:
     sys.exit(77)
 
 COLMAP = os.environ.get("COLMAP", "build/release/bin/colmap")
-SCRIPT = pathlib.Path(__file__).parents[2] / "scripts" / "estimate_depth.py"
+SCRIPT = pathlib.Path(__file__).parents[2] / "python" / "dgsfm" / "estimate_depth.py"
 WIDTH, HEIGHT = 60, 40
 FOCAL_LENGTH = 48.0
 INTRINSICS = np.array([[FOCAL_LENGTH, 0, 30], [0, FOCAL_LENGTH, 20], [0, 0, 1]])

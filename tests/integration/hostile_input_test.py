@@ -206,6 +206,7 @@ def main():
             for command, *arguments in (
                 ("model_evaluator", "--ground_truth_path", scene / "gt",
                  "--json_path", folder / "out" / "result.json"),
+                ("model_reporter", "--output_path", folder / "out" / "a.html"),
                 ("model_renderer", "--output_path", folder / "out" / "a.png",
                  "--width", 160, "--height", 90),
                 ("depth_exporter", "--database_path", scene / "database.db",

@@ -21,3 +21,10 @@ add_test(NAME integration.PycolmapReadsDatabasesWithDepth
     ${CMAKE_CURRENT_BINARY_DIR}/pycolmap_compat ${SHARED_DATABASE})
 set_tests_properties(integration.PycolmapReadsDatabasesWithDepth PROPERTIES
   LABELS integration SKIP_RETURN_CODE 77)
+
+add_test(NAME integration.RigsOfPycolmapStayRigid
+  COMMAND ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
+    ${DGSFM_PYTHON} ${CMAKE_CURRENT_LIST_DIR}/rig_models.py
+    ${CMAKE_CURRENT_BINARY_DIR}/rig_models)
+set_tests_properties(integration.RigsOfPycolmapStayRigid PROPERTIES
+  LABELS integration SKIP_RETURN_CODE 77)

@@ -35,7 +35,6 @@ std::unique_ptr<colmap::Reconstruction> Map(Input input, int num_threads) {
   PairVerificationOptions verification;
   verification.num_threads = num_threads;
   DepthGlobalMapperOptions options;
-  options.num_threads = num_threads;
   PairGeometries pairs = VerifyPairs(input.scene, input.depths, verification);
   DepthGlobalMapperResult result = RunGlobalMapping(
       options, verification, PairScores(), &input.scene, &input.depths, &pairs);

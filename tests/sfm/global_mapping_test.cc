@@ -43,7 +43,6 @@ Outcome MapScene(const SyntheticScene& synthetic,
                  DepthGlobalMapperOptions options) {
   PairVerificationOptions verification;
   verification.num_threads = 1;
-  options.num_threads = 1;
   Outcome outcome;
   outcome.pairs = VerifyPairs(scene, depths, verification);
   outcome.result = RunGlobalMapping(
@@ -365,7 +364,6 @@ TEST(GlobalMapping, PairsThatAgreeWithTheModelReturn) {
   ASSERT_EQ(pair.status, PairStatus::VALID);
   pair.status = PairStatus::LOW_INLIER_RATIO;
   DepthGlobalMapperOptions options;
-  options.num_threads = 1;
   RunGlobalMapping(
       options, verification, PairScores(), &scene, &depths, &pairs);
   EXPECT_EQ(pair.status, PairStatus::VALID);

@@ -133,11 +133,7 @@ colmap::camera_t ColmapDatabaseWriter::AddCamera(
   SqliteStatement(connection_,
                   "INSERT INTO cameras(model, width, height, params, "
                   "prior_focal_length) VALUES(?, ?, ?, ?, ?)")
-      .BindInt(1, model_id)
-      .BindInt(2, width)
-      .BindInt(3, height)
-      .BindBlob(4, params)
-      .BindInt(5, has_prior_focal_length)
+      .Bind(model_id, width, height, params, has_prior_focal_length)
       .Run();
   const int64_t camera_id = sqlite3_last_insert_rowid(connection_.Handle());
   if (schema_ != ColmapSchema::V3_8) {
@@ -145,7 +141,7 @@ colmap::camera_t ColmapDatabaseWriter::AddCamera(
     SqliteStatement(
         connection_,
         "INSERT INTO rigs(ref_sensor_id, ref_sensor_type) VALUES(?, 0)")
-        .BindInt(1, camera_id)
+        .Bind(camera_id)
         .Run();
   }
   return static_cast<colmap::camera_t>(camera_id);
@@ -158,21 +154,19 @@ colmap::image_t ColmapDatabaseWriter::AddImage(
     int num_cols) {
   SqliteStatement(connection_,
                   "INSERT INTO images(name, camera_id) VALUES(?, ?)")
-      .BindText(1, name)
-      .BindInt(2, camera_id)
+      .Bind(name, camera_id)
       .Run();
   const int64_t image_id = sqlite3_last_insert_rowid(connection_.Handle());
   if (schema_ != ColmapSchema::V3_8) {
     SqliteStatement(connection_,
                     "INSERT INTO frames(rig_id) SELECT rig_id FROM rigs "
                     "WHERE ref_sensor_id = ? AND ref_sensor_type = 0")
-        .BindInt(1, camera_id)
+        .Bind(camera_id)
         .Run();
     SqliteStatement(connection_,
                     "INSERT INTO frame_data VALUES(last_insert_rowid(), ?, ?, "
                     "0)")
-        .BindInt(1, image_id)
-        .BindInt(2, camera_id)
+        .Bind(image_id, camera_id)
         .Run();
   }
   if (!keypoints.empty()) {
@@ -185,10 +179,7 @@ colmap::image_t ColmapDatabaseWriter::AddImage(
       }
     }
     SqliteStatement(connection_, "INSERT INTO keypoints VALUES(?, ?, ?, ?)")
-        .BindInt(1, image_id)
-        .BindInt(2, static_cast<int64_t>(keypoints.size()))
-        .BindInt(3, num_cols)
-        .BindBlob(4, data)
+        .Bind(image_id, keypoints.size(), num_cols, data)
         .Run();
   }
   return static_cast<colmap::image_t>(image_id);
@@ -207,18 +198,14 @@ void ColmapDatabaseWriter::AddMatches(colmap::image_t image_id1,
   const int64_t pair_id = int64_t{2147483647} * image_id1 + image_id2;
   const std::vector<uint32_t> blob = MatchBlob(matches);
   SqliteStatement(connection_, "INSERT INTO matches VALUES(?, ?, 2, ?)")
-      .BindInt(1, pair_id)
-      .BindInt(2, static_cast<int64_t>(matches.size()))
-      .BindBlob(3, blob)
+      .Bind(pair_id, matches.size(), blob)
       .Run();
   if (!verified) return;
   // Config 2 is a calibrated pair.
   SqliteStatement(connection_,
                   "INSERT INTO two_view_geometries(pair_id, rows, cols, data, "
                   "config) VALUES(?, ?, 2, ?, 2)")
-      .BindInt(1, pair_id)
-      .BindInt(2, static_cast<int64_t>(matches.size()))
-      .BindBlob(3, blob)
+      .Bind(pair_id, matches.size(), blob)
       .Run();
 }
 

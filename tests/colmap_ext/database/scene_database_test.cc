@@ -107,7 +107,7 @@ TEST_P(SceneDatabaseTest, ReadsCamerasImagesAndMatches) {
 
 TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
   Execute("UPDATE matches SET data = x'00'");  // cannot be read
-  const Scene scene = ReadSceneWithoutMatches(path_);
+  const Scene scene = ReadScene(path_, SceneContent::FEATURES);
   EXPECT_EQ(scene.cameras.size(), 2);
   ASSERT_EQ(scene.images.size(), 3);
   EXPECT_EQ(scene.images.at(1).NumPoints2D(), 3);
@@ -115,7 +115,7 @@ TEST_P(SceneDatabaseTest, LeavesOutMatchesWhereNotNeeded) {
 }
 
 TEST_P(SceneDatabaseTest, ReadsKeypointsOfSingleImages) {
-  const Scene scene = ReadSceneWithoutFeatures(path_);
+  const Scene scene = ReadScene(path_, SceneContent::IMAGES);
   EXPECT_EQ(scene.cameras.size(), 2);
   ASSERT_EQ(scene.images.size(), 3);
   EXPECT_EQ(scene.images.at(1).NumPoints2D(), 0);
@@ -325,33 +325,6 @@ TEST_P(SceneDatabaseTest, IgnoresDescriptors) {
   EXPECT_EQ(ReadScene(path_).images.size(), 3);
 }
 
-TEST(SceneDatabase, RefusesMultiCameraRig) {
-  for (const ColmapSchema schema : {ColmapSchema::V3_12, ColmapSchema::V4_2}) {
-    const std::string path = CreateTestDir() + "/database.db";
-    ColmapDatabaseWriter writer(path, schema);
-    writer.AddCamera(0, 640, 480, {500, 320, 240});
-    writer.AddCamera(0, 640, 480, {500, 320, 240});
-    writer.AddImage("a.jpg", 1, {{1, 2}});
-    EXPECT_NO_THROW(CheckHasNoRig(path));
-    // Camera 2 becomes a second sensor of camera 1's rig.
-    writer.Execute(
-        "DELETE FROM rigs WHERE rig_id = 2; "
-        "INSERT INTO rig_sensors VALUES(1, 2, 0, NULL)");
-    try {
-      CheckHasNoRig(path);
-      ADD_FAILURE();
-    } catch (const std::runtime_error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("rig 1"));
-      EXPECT_THAT(error.what(), HasSubstr("camera 2"));
-      EXPECT_THAT(error.what(), HasSubstr("--ignore_rigs 1"));
-    }
-    EXPECT_EQ(ReadScene(path).images.size(), 1);
-    // An inertial sensor does not matter.
-    writer.Execute("UPDATE rig_sensors SET sensor_type = 1");
-    EXPECT_NO_THROW(CheckHasNoRig(path));
-  }
-}
-
 TEST(SceneDatabase, ReadsDatabaseOfColmapItself) {
   const std::string path = CreateTestDir() + "/database.db";
   {
@@ -401,16 +374,6 @@ TEST(SceneDatabase, ReportsTruncatedDatabase) {
   }
   fs::resize_file(path, fs::file_size(path) / 2);
   ExpectSceneFails(path, {"truncated"});
-}
-
-TEST(SceneDatabase, GivesUpOnLockedDatabase) {
-  const std::string path = CreateTestDir() + "/database.db";
-  ColmapDatabaseWriter writer(path, ColmapSchema::V4_2);
-  // In WAL mode, readers would not have to wait for the writer.
-  writer.Execute("PRAGMA journal_mode = DELETE; BEGIN EXCLUSIVE");
-  EXPECT_THAT([&] { ReadScene(path, std::chrono::milliseconds(20)); },
-              ThrowsMessage<std::runtime_error>(
-                  AllOf(HasSubstr(path), HasSubstr("locked"))));
 }
 
 TEST(SceneDatabase, ReadsSharedDataSet) {

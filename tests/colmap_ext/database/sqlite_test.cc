@@ -181,11 +181,11 @@ TEST(SqliteStatement, ReturnsWhatWasBound) {
   const std::vector<float> values = {
       1.5f, -2.0f, std::numeric_limits<float>::min()};
   SqliteStatement(connection, "INSERT INTO t VALUES(?, ?, ?, ?, ?, NULL)")
-      .BindInt(1, std::numeric_limits<int64_t>::min())
-      .BindDouble(2, 0.1)
-      .BindText(3, "Straße 'x'")
-      .BindBlob(4, values)
-      .BindBlob(5, std::vector<float>())
+      .Bind(std::numeric_limits<int64_t>::min(),
+            0.1,
+            "Straße 'x'",
+            values,
+            std::vector<float>())
       .Run();
   SqliteStatement select(connection, "SELECT * FROM t");
   ASSERT_TRUE(select.Step());

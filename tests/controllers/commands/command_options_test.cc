@@ -1,5 +1,6 @@
 #include "controllers/commands/command_options.h"
 
+#include "tests/testing/expect_error.h"
 #include "tests/testing/test_dir.h"
 
 #include <cmath>
@@ -209,6 +210,47 @@ TEST_F(CommandOptionsTest, UnwritableProjectThrows) {
   values_.path = "two\nlines";
   EXPECT_THROW(Bind()->WriteProject(CreateTestDir() + "/project.ini"),
                std::runtime_error);
+}
+
+TEST_F(CommandOptionsTest, OptionsAreListedAndSetByName) {
+  is_path_required_ = true;
+  const std::unique_ptr<CommandOptions> options = Bind();
+  const CommandOptions::Option& path = options->Options().front();
+  EXPECT_EQ(path.name, "path");
+  EXPECT_EQ(path.help, "Where it is.");
+  EXPECT_TRUE(path.is_required);
+  path.set(std::string("b"));
+  EXPECT_EQ(values_.path, "b");
+  for (const CommandOptions::Option& option : options->Options()) {
+    if (option.name != "threshold") continue;
+    EXPECT_EQ(std::get<double>(option.get()), 0.1);
+    option.set(2.0);
+    EXPECT_EQ(values_.threshold_px, 2);
+    ExpectError([&] { option.set(1); }, "threshold must be a number");
+    ExpectError([&] { option.set(std::nan("")); }, "threshold");
+  }
+}
+
+TEST_F(CommandOptionsTest, ChoicesAreParsedListedAndWritten) {
+  int value = 7;
+  CommandOptions options("some_command", "Does something.");
+  options.AddChoice<int>("kind", &value, {{"low", 3}, {"high", 7}}, "Which.");
+  EXPECT_EQ(options.ProjectText(), "kind=high\n");
+  EXPECT_EQ(options.Options()[0].choices,
+            (std::vector<std::string>{"low", "high"}));
+  std::vector<std::string> texts = {"colmap", "--kind", "low"};
+  std::vector<char*> argv;
+  for (std::string& text : texts) argv.push_back(text.data());
+  EXPECT_EQ(options.Parse(3, argv.data()), std::nullopt);
+  EXPECT_EQ(value, 3);
+  texts[2] = "middle";
+  argv[2] = texts[2].data();
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(options.Parse(3, argv.data()), 2);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("kind is 'middle' but must be one of low, high"));
+  ExpectError([&] { options.Options()[0].set(std::string("middle")); },
+              "must be one of low, high");
 }
 
 }  // namespace

@@ -265,64 +265,6 @@ TEST(GlobalPositioning, WeightsSuppressOutliers) {
   EXPECT_LT(Compare(scene, truth).max_center, 1e-5);
 }
 
-// True log distances, those of camera i off by 1 % times i - 6.
-void AddDepths(Scene* scene) {
-  for (PositioningObservation& observation : scene->observations) {
-    observation.log_distance = std::log((scene->points[observation.point] -
-                                         scene->centers[observation.camera])
-                                            .norm()) +
-                               0.01 * (observation.camera - 6);
-    observation.log_distance_stddev = 0.02;
-  }
-}
-
-TEST(GlobalPositioning, DepthsPlaceWhatRaysLeaveOpen) {
-  Scene truth = CreateScene({});
-  AddDepths(&truth);
-  // The last point loses all observations but one.
-  truth.observations.resize(truth.observations.size() - 4);
-  Scene scene = Perturb(truth, 0.01, 0.01);
-  const Eigen::Vector3d ray = truth.observations.back().ray_in_world;
-  scene.points.back() += 0.5 * ray;
-  Scene without = scene;
-  GlobalPositioningOptions options = TightOptions();
-  ASSERT_TRUE(Solve(&scene, options).success);
-  options.use_depth = false;
-  ASSERT_TRUE(Solve(&without, options).success);
-  // By what the depths of the camera are off, 5 % of 5 at most.
-  EXPECT_LT((scene.points.back() - truth.points.back()).norm(), 0.3);
-  EXPECT_GT((without.points.back() - truth.points.back()).norm(), 0.4);
-}
-
-TEST(GlobalPositioning, FactorsTakeUpWhatMapsAreOffBy) {
-  SceneOptions scene_options;
-  scene_options.noise_deg = 0.1;
-  Scene truth = CreateScene(scene_options);
-  AddDepths(&truth);
-  Scene with = Perturb(truth, 0.2, 0.2);
-  Scene without = with;
-  GlobalPositioningOptions options;
-  ASSERT_TRUE(Solve(&with, options).success);
-  options.use_depth = false;
-  ASSERT_TRUE(Solve(&without, options).success);
-  // Systematic errors of 3 % do not make the centres worse than noise does.
-  EXPECT_LT(Compare(with, truth).rms_center,
-            2 * Compare(without, truth).rms_center);
-}
-
-TEST(GlobalPositioning, SameBitsWithDepthOnTwoThreads) {
-  Scene scene1 = CreateScene({});
-  AddDepths(&scene1);
-  scene1 = Perturb(scene1, 0.2, 0.2);
-  Scene scene2 = scene1;
-  GlobalPositioningOptions options;
-  ASSERT_TRUE(Solve(&scene1, options).success);
-  options.num_threads = 2;
-  ASSERT_TRUE(Solve(&scene2, options).success);
-  EXPECT_EQ(scene1.centers, scene2.centers);
-  EXPECT_EQ(scene1.points, scene2.points);
-}
-
 TEST(GlobalPositioning, PointsBehindTheirCamerasStayFinite) {
   const Scene truth = CreateScene({});
   Scene scene = Perturb(truth, 0.1, 0.1);
@@ -437,6 +379,35 @@ TEST(GlobalPositioning, ReachesTheMinimumOfThePlainFormulation) {
   // Both have converged; outliers make the last steps small.
   EXPECT_NEAR(
       summary.final_cost, expected.final_cost, 1e-4 * expected.final_cost);
+}
+
+TEST(GlobalPositioning, BodiesKeepTheirShapeAndFixTheScale) {
+  const Scene truth = CreateScene({});
+  // Cameras i and i + 6 are on opposite sides of the ring.
+  PositioningBodies bodies;
+  for (int i = 0; i < 12; ++i) bodies.body_of_camera.push_back(i % 6);
+  bodies.fix_scale = true;
+  Scene scene = truth;
+  std::mt19937 random(7);
+  for (int i = 1; i < 6; ++i) {
+    const Eigen::Vector3d shift = 0.3 * RandomVector(&random);
+    scene.centers[i] += shift;
+    scene.centers[i + 6] += shift;
+  }
+  for (Eigen::Vector3d& point : scene.points) {
+    point = 1.2 * point + 0.1 * RandomVector(&random);
+  }
+  ASSERT_TRUE(SolveGlobalPositioning(scene.observations,
+                                     0,
+                                     TightOptions(),
+                                     &scene.centers,
+                                     &scene.points,
+                                     bodies)
+                  .success);
+  for (int i = 0; i < 12; ++i) {
+    // Exact rays: what is left is that of the solver's tolerance.
+    EXPECT_LT((scene.centers[i] - truth.centers[i]).norm(), 1e-5) << i;
+  }
 }
 
 }  // namespace

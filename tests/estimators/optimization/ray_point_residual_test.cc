@@ -75,29 +75,5 @@ TEST(RayPointResidual, JacobiansAgreeWithCentralDifferences) {
   }
 }
 
-TEST(LogDistance, DerivativeAgreesWithCentralDifferences) {
-  std::mt19937 random(3);
-  for (const double distance : {1e-3, 1.0, 1e3}) {
-    const Eigen::Vector3d v = distance * RandomVector(&random).normalized();
-    Eigen::Vector3d by_point;
-    EXPECT_NEAR(LogDistance(v, &by_point), std::log(distance), 1e-12);
-    const double step = 1e-5 * distance;
-    for (int i = 0; i < 3; ++i) {
-      const Eigen::Vector3d delta = step * Eigen::Vector3d::Unit(i);
-      const double difference =
-          (LogDistance(v + delta, nullptr) - LogDistance(v - delta, nullptr)) /
-          (2 * step);
-      // Third derivatives give 1e-10, relative to derivatives of 1 / distance.
-      EXPECT_LT(std::abs(difference - by_point(i)) * distance, 1e-9);
-    }
-  }
-}
-
-TEST(LogDistance, IsFiniteAtTheCamera) {
-  Eigen::Vector3d by_point;
-  EXPECT_TRUE(std::isfinite(LogDistance(Eigen::Vector3d::Zero(), &by_point)));
-  EXPECT_TRUE(by_point.isZero(0));
-}
-
 }  // namespace
 }  // namespace dgsfm

@@ -35,7 +35,8 @@ double ErrorOfChain(
   }
   const Eigen::VectorXd solution = Eigen::VectorXd::Random(num_columns);
   Eigen::VectorXd estimate;
-  if (!system.Solve(expected * solution, &estimate)) return INFINITY;
+  const Eigen::VectorXd right_side = expected * solution;
+  if (!system.Solve(right_side, &estimate)) return INFINITY;
   return (estimate - solution).norm() / solution.norm();
 }
 
@@ -69,7 +70,8 @@ TEST(ReducedSystem, IndefiniteMatrixFails) {
     }
     system.Values()[system.EntryOf(1, 0)] = 2;
     Eigen::VectorXd solution;
-    EXPECT_FALSE(system.Solve(Eigen::VectorXd::Ones(num_columns), &solution));
+    EXPECT_FALSE(system.Solve(
+        Eigen::VectorXd(Eigen::VectorXd::Ones(num_columns)), &solution));
   }
 }
 

@@ -37,7 +37,7 @@ SelfCalibrationOptions CalibrationOptions(
                                 colmap::Reconstruction* model) {
     BundleAdjustmentOptions limited = adjustment;
     limited.max_num_iterations = max_num_iterations;
-    return AdjustBundle(limited, 1, 1, beliefs, {}, model).has_value();
+    return AdjustBundle(limited, 1, 1, beliefs, model).has_value();
   };
   return options;
 }
@@ -56,7 +56,7 @@ class AdjustedScene {
 
   bool Adjust(const std::vector<CameraGroup>& groups = {}) {
     beliefs_.groups = groups;
-    return AdjustBundle(options_, 1, 1, beliefs_, {}, &model_).has_value();
+    return AdjustBundle(options_, 1, 1, beliefs_, &model_).has_value();
   }
 
   // Images that contradict one set of intrinsics for all.
@@ -178,7 +178,7 @@ TEST(AdjustBundle, KeepsTheScale) {
       };
       const double start_diameter = diameter();
       const BundleAdjustmentOptions options;
-      ASSERT_TRUE(AdjustBundle(options, 1, 1, scene.Beliefs(), {}, &model));
+      ASSERT_TRUE(AdjustBundle(options, 1, 1, scene.Beliefs(), &model));
       // The start is off by a hundredth of the diameter.
       EXPECT_NEAR(diameter() / start_diameter, 1, 0.03);
     }
@@ -193,7 +193,7 @@ TEST(AdjustBundle, KnownCamerasStayWithinTheirPrior) {
   colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
-  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, &model));
   for (const auto& [camera_id, camera] : model.Cameras()) {
     const colmap::Camera& prior = beliefs.given.at(camera_id);
     EXPECT_NEAR(camera.MeanFocalLength() / prior.MeanFocalLength(),
@@ -213,7 +213,7 @@ TEST(AdjustBundle, HeldCamerasStayAsTheyAre) {
   colmap::Reconstruction model = scene.Model();
   BundleAdjustmentOptions options;
   options.intrinsics.refine_principal_point = true;
-  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, &model));
   for (colmap::camera_t id = 1; id <= 12; ++id) {
     const bool is_same =
         model.Camera(id).Params() == scene.Model().Camera(id).Params();
@@ -232,7 +232,7 @@ TEST(AdjustBundle, SoftFocalPriorsGiveWayToTheImages) {
   }
   colmap::Reconstruction model = scene.Model();
   BundleAdjustmentOptions options;
-  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, {}, &model));
+  ASSERT_TRUE(AdjustBundle(options, 1, 1, beliefs, &model));
   for (const auto& [camera_id, camera] : model.Cameras()) {
     // Rings tell focal lengths of single images to one or two per cent.
     EXPECT_NEAR(camera.MeanFocalLength() /

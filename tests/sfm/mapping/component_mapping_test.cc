@@ -39,12 +39,12 @@ struct Mapped {
 
 Mapped MapInOrder(const TwoPlaces& places, const std::vector<int>& order) {
   DepthGlobalMapperOptions options;
-  options.num_threads = 1;
-  options.refinement.num_threads = 1;
-  const PairVerificationOptions verification;
+  PairVerificationOptions verification;
+  verification.num_threads = 1;
   const CameraBeliefs beliefs = GivenBeliefs(places.scene);
+  const FrameMembers frames;
   const MappingContext context = {
-      options, verification, places.scene, places.depths, beliefs};
+      options, verification, places.scene, places.depths, frames, beliefs};
   Mapped mapped;
   mapped.pairs = places.pairs;
   const auto components = ConnectedImages(mapped.pairs);
@@ -53,6 +53,7 @@ Mapped MapInOrder(const TwoPlaces& places, const std::vector<int>& order) {
     const auto rotations = AverageComponentRotations(options.averaging,
                                                      places.scene,
                                                      places.depths,
+                                                     frames,
                                                      components.at(i),
                                                      &mapped.pairs);
     MappingLog log;

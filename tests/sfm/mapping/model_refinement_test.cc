@@ -3,6 +3,7 @@
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "sfm/mapping/model_access.h"
+#include "sfm/mapping/model_completion.h"
 
 #include <gtest/gtest.h>
 
@@ -92,7 +93,7 @@ TEST(FilterImages, NamesWhatIsMissing) {
       }
     }
   }
-  const auto filtered = FilterImages(ModelRefinementOptions(), &model);
+  const auto filtered = FilterImages(ModelRefinementOptions(), {}, &model);
   ASSERT_EQ(filtered.size(), 1);
   EXPECT_EQ(filtered.begin()->first, poor);
   EXPECT_EQ(filtered.begin()->second, "only 0 points after bundle adjustment");

@@ -52,7 +52,9 @@ Start ExactStart() {
   return start;
 }
 
-size_t Initialize(Start* start, const PositionInitializationOptions& options) {
+size_t Initialize(Start* start,
+                  const PositionInitializationOptions& options,
+                  double min_triangulation_angle_deg = 1.5) {
   std::vector<colmap::image_t> image_ids;
   for (const auto& [image_id, scale] : start->scales) {
     image_ids.push_back(image_id);
@@ -63,6 +65,7 @@ size_t Initialize(Start* start, const PositionInitializationOptions& options) {
                              start->scales,
                              start->tracks,
                              options,
+                             min_triangulation_angle_deg,
                              &start->model);
 }
 
@@ -94,6 +97,18 @@ TEST(InitializePositions, GrowsFromASeedWithoutDepth) {
       EvaluatePoses(Poses(start.truth), Poses(start.model));
   // The unit is that of the seed pair; errors are relative to it.
   EXPECT_LT(metrics.max_center_error, 1e-3);
+}
+
+TEST(InitializePositions, TriangulationFollowsItsSmallestAngle) {
+  PositionInitializationOptions options;
+  options.use_depth = false;
+  Start start = ExactStart();
+  Initialize(&start, options);
+  Start strict = ExactStart();
+  // No two rays of a point are farther apart than opposite ones.
+  Initialize(&strict, options, 181);
+  EXPECT_GT(start.model.NumPoints3D(), 100);
+  EXPECT_EQ(strict.model.NumPoints3D(), 0);
 }
 
 TEST(InitializePositions, ImagesWithoutAScaleFollowByResection) {

@@ -21,7 +21,7 @@ PoseMetrics Repeatability(double image_noise_px) {
                                   colmap::Reconstruction* model) {
     BundleAdjustmentOptions adjustment;
     adjustment.max_num_iterations = max_num_iterations;
-    return AdjustBundle(adjustment, 1, 1, tried, {}, model).has_value();
+    return AdjustBundle(adjustment, 1, 1, tried, model).has_value();
   };
   const auto metrics = SplitHalfRepeatability(
       adjust, 100, beliefs, ReconstructionFromSynthetic(synthetic));

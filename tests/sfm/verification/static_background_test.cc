@@ -69,7 +69,6 @@ DepthGlobalMapperResult Map(TestScene test, PairGeometries* pairs) {
   PairVerificationOptions verification;
   verification.num_threads = 1;
   DepthGlobalMapperOptions options;
-  options.num_threads = 1;
   *pairs = VerifyPairs(test.scene, test.depths, verification);
   const PairScores no_scores;
   return RunGlobalMapping(

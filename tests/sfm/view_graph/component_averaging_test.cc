@@ -59,7 +59,7 @@ TEST(AverageComponentRotations, TakesOutWrongPairs) {
   PairGeometry& wrong = PairOf(&component, 2, 4);
   wrong.cam2_from_cam1.rotation = Rotation(0.5) * wrong.cam2_from_cam1.rotation;
   const auto result = AverageComponentRotations(
-      {}, Scene(), {}, component.image_ids, &component.pairs);
+      {}, Scene(), {}, {}, component.image_ids, &component.pairs);
   ASSERT_TRUE(result);
   EXPECT_EQ(result->image_ids, component.image_ids);
   EXPECT_EQ(result->num_pairs_filtered, 1);
@@ -84,7 +84,7 @@ TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
   }
   ComponentAveragingOptions options;
   const auto result = AverageComponentRotations(
-      options, Scene(), {}, component.image_ids, &component.pairs);
+      options, Scene(), {}, {}, component.image_ids, &component.pairs);
   ASSERT_TRUE(result);
   size_t num_images = result->image_ids.size();
   for (const auto& part : result->other_parts) num_images += part.size();

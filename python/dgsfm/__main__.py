@@ -1,0 +1,5 @@
+"""python -m dgsfm COMMAND: the program."""
+
+from ._program import main
+
+main()

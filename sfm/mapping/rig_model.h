@@ -1,0 +1,34 @@
+// Frames in a model: poses of cameras in their rigs by those of the images, and
+// back.
+
+#pragma once
+
+#include "colmap_ext/rig.h"
+
+#include <colmap/util/alignment.h>
+
+#include <colmap/base/reconstruction.h>
+
+#include <set>
+
+namespace dgsfm {
+
+// The rigs with the poses of some cameras by the images of a model: robust
+// averages over the frames that have these cameras and the reference. Where
+// there is no such frame the pose stays.
+RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
+                       const colmap::Reconstruction& model,
+                       const RigScene& rigs);
+
+// Ratio of the unit of a model to that of the rigs by the distances of the
+// images of frames; nothing if no frame has two registered images of different
+// centres.
+std::optional<double> ModelFromRigScale(const FrameMembers& frames,
+                                        const colmap::Reconstruction& model);
+
+// Moves the registered images of frames so that they are where the rigs have
+// them: the pose of a frame is the robust average of what its images make of
+// it. Images of these frames that are not registered become so.
+void JoinFrames(const FrameMembers& frames, colmap::Reconstruction* model);
+
+}  // namespace dgsfm
