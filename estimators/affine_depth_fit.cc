@@ -24,8 +24,9 @@ constexpr double kRangeQuantile = 0.05;
 constexpr int kNumIterations = 30;
 // Width of the Cauchy weights [standard deviations].
 constexpr double kCauchyWidth = 2;
-// Smooth errors make the places of a pair as good as so many independent ones.
-constexpr double kNumIndependent = 20;
+// Smooth errors make the places of a pair as good as so many independent ones:
+// the shifts of maps of a set of photos scatter accordingly.
+constexpr double kNumIndependent = 10;
 // Concordance below which pairs are no evidence of a shift.
 constexpr double kMinConcordance = 0.2;
 
@@ -177,7 +178,8 @@ void CombineShifts(const std::vector<PairFit>& fits, AffineDepthFit* result) {
     spread = std::max(0.0, sum_excess / sum_robust);
   }
   result->shift = shift;
-  result->shift_stddev = std::sqrt(1 / sum_weights);
+  // Pairs share the errors of the map, which do not average out over them.
+  result->shift_stddev = std::sqrt(std::max(1 / sum_weights, least_variance));
 }
 
 // Scales, noise and number of places with the shift of all pairs.
@@ -221,14 +223,15 @@ std::string Percent(double share) {
 std::string Objection(const Samples& all,
                       const AffineDepthFit& fit,
                       const AffineDepthFitOptions& options) {
-  const double difference = Quantile(ValuesOf(all), 0.5) - fit.shift;
-  if (fit.num_pairs == 0 || !(difference > 0)) {
+  const std::vector<double> values = ValuesOf(all);
+  if (fit.num_pairs == 0 || !(Quantile(values, kRangeQuantile) > fit.shift)) {
     return "its values contradict the triangulated depths";
   }
   if (fit.noise > options.max_noise) {
     return "its values are off by " + Percent(fit.noise) +
            " after the best scale and shift";
   }
+  const double difference = Quantile(values, 0.5) - fit.shift;
   if (fit.shift_stddev > options.max_shift_error * difference) {
     return "its shift is uncertain by " +
            Percent(fit.shift_stddev / difference) + " of the median value";

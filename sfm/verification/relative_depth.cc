@@ -20,6 +20,11 @@ using Samples = std::vector<AffineDepthSample>;
 constexpr double kMaxDepthError = 0.05;
 // Standard deviation of a key point [px].
 constexpr double kKeypointStddevPx = 0.7;
+// Mean concordance, over images, of maps that are the reverse of depth: as for
+// the warnings about finished models.
+constexpr double kMinConcordance = 0.4;
+constexpr size_t kMinNumImages = 3;
+constexpr size_t kMinNumSamples = 30;
 // Values this many standard deviations of the shift from it have no depth.
 constexpr double kMinShiftDeviations = 3;
 
@@ -97,6 +102,37 @@ AffineDepth AffineOf(const KeypointDepths& depths, const AffineDepthFit& fit) {
   return affine;
 }
 
+// Samples of each image, by pairs.
+using ImageSamples = std::map<colmap::image_t, std::vector<Samples>>;
+
+template <typename IsWanted>
+ImageSamples CollectSamples(const Scene& scene,
+                            const PairGeometries& pairs,
+                            const KeypointDepthMap& depths,
+                            const IsWanted& is_wanted) {
+  ImageSamples samples;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (!Triangulates(pair)) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const auto triangulated = TriangulatePair(scene, pair_id, pair);
+    for (const bool is_first : {true, false}) {
+      const colmap::image_t image_id = is_first ? image_id1 : image_id2;
+      const auto found = depths.find(image_id);
+      if (found == depths.end() || !is_wanted(found->second)) continue;
+      Samples of_pair;
+      for (const TriangulatedMatch& point : triangulated) {
+        AddSample(
+            found->second,
+            is_first ? point.match.point2D_idx1 : point.match.point2D_idx2,
+            is_first ? point.intersection.depth1 : point.intersection.depth2,
+            &of_pair);
+      }
+      samples[image_id].push_back(std::move(of_pair));
+    }
+  }
+  return samples;
+}
+
 }  // namespace
 
 bool HasAffineDepths(const KeypointDepthMap& depths) {
@@ -109,26 +145,10 @@ RelativeDepthFits FitRelativeDepths(const Scene& scene,
                                     const PairGeometries& pairs,
                                     const KeypointDepthMap& depths,
                                     const AffineDepthFitOptions& options) {
-  std::map<colmap::image_t, std::vector<Samples>> samples;
-  for (const auto& [pair_id, pair] : pairs) {
-    if (!Triangulates(pair)) continue;
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    const auto triangulated = TriangulatePair(scene, pair_id, pair);
-    for (const bool is_first : {true, false}) {
-      const colmap::image_t image_id = is_first ? image_id1 : image_id2;
-      const auto found = depths.find(image_id);
-      if (found == depths.end() || !IsAffine(found->second.unit)) continue;
-      Samples of_pair;
-      for (const TriangulatedMatch& point : triangulated) {
-        AddSample(
-            found->second,
-            is_first ? point.match.point2D_idx1 : point.match.point2D_idx2,
-            is_first ? point.intersection.depth1 : point.intersection.depth2,
-            &of_pair);
-      }
-      samples[image_id].push_back(std::move(of_pair));
-    }
-  }
+  ImageSamples samples =
+      CollectSamples(scene, pairs, depths, [](const KeypointDepths& image) {
+        return IsAffine(image.unit);
+      });
   RelativeDepthFits fits;
   for (const auto& [image_id, image_depths] : depths) {
     if (!IsAffine(image_depths.unit)) continue;
@@ -153,6 +173,30 @@ RelativeDepthFit FitRelativeDepth(const KeypointDepths& depths,
     result.affine = {depths.unit, result.fit.scales[0], result.fit.shift, 0};
   }
   return result;
+}
+
+bool DepthsFallWithDepth(const Scene& scene,
+                         const PairGeometries& pairs,
+                         const KeypointDepthMap& depths) {
+  const ImageSamples samples =
+      CollectSamples(scene, pairs, depths, [](const KeypointDepths& image) {
+        return !IsAffine(image.unit);
+      });
+  double sum = 0;
+  size_t num_images = 0;
+  for (const auto& [image_id, of_pairs] : samples) {
+    double sum_of_image = 0;
+    size_t num_samples = 0;
+    for (const Samples& of_pair : of_pairs) {
+      sum_of_image += double(of_pair.size()) * Concordance(of_pair);
+      num_samples += of_pair.size();
+    }
+    if (num_samples < kMinNumSamples) continue;
+    sum += sum_of_image / double(num_samples);
+    ++num_images;
+  }
+  return num_images >= kMinNumImages &&
+         sum < -kMinConcordance * double(num_images);
 }
 
 AffineDepths ApplyRelativeDepthFits(const RelativeDepthFits& fits,

@@ -43,6 +43,13 @@ RelativeDepthFits FitRelativeDepths(const Scene& scene,
 RelativeDepthFit FitRelativeDepth(const KeypointDepths& depths,
                                   const std::vector<MeasuredDepth>& measured);
 
+// Whether the maps, affine ones aside, are the reverse of depth: values fall
+// where the depth grows that valid pairs triangulate, in the mean of 3 or more
+// images. So do those of disparity that was imported as depth.
+bool DepthsFallWithDepth(const Scene& scene,
+                         const PairGeometries& pairs,
+                         const KeypointDepthMap& depths);
+
 // Turns the affine maps into depth, those without a usable fit leave. Returns
 // by what.
 AffineDepths ApplyRelativeDepthFits(const RelativeDepthFits& fits,
