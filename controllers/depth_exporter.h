@@ -19,6 +19,7 @@ enum class DepthExportFormat {
   EXR,                 // a.jpg.exr, channel Z
   DENSE_BIN,           // a.jpg.geometric.bin, as COLMAP's dense stereo has it
   GAUSSIAN_SPLATTING,  // a.png and depth_params.json, see splatting_depth.h
+  COLMAP_WORKSPACE,    // depth and normals for stereo_fusion, dense_workspace.h
 };
 
 struct DepthExportOptions {
@@ -66,6 +67,9 @@ struct DepthExportSummary {
 //
 // Maps are of their own size and cover the image as it is in the database, or
 // as it is in the undistorted model, which dense stereo and splatting expect.
+//
+// For COLMAP_WORKSPACE, which needs a model, output_path is a folder that
+// image_undistorter wrote, and maps are those of its images.
 //
 // Throws std::runtime_error naming file or image if something cannot be read or
 // written, if the database holds no map (but depths of key points only), or if
