@@ -89,6 +89,18 @@ void DatabasePairVerifier::Verify(const PairSizes& pairs, const Sink& sink) {
           });
 }
 
+std::optional<KeypointDepths> DatabasePairVerifier::DepthsOf(
+    const ImageFeatures& features) const {
+  const colmap::image_t image_id = features.image.ImageId();
+  if (!features.depths || depths_.count(image_id) == 0) return std::nullopt;
+  KeypointDepths depths = *features.depths;
+  const auto conversion = conversions_.find(image_id);
+  if (conversion != conversions_.end()) {
+    ConvertAffine(conversion->second, &depths);
+  }
+  return depths;
+}
+
 void DatabasePairVerifier::ForEach(const PairSizes& pairs,
                                    const Function& function) {
   ParallelFor(pairs.size(), options_.num_threads, [&](size_t i) {
@@ -109,11 +121,14 @@ void DatabasePairVerifier::ForEach(const PairSizes& pairs,
     }
     const auto features1 = features_->Get(image_id1);
     const auto features2 = features_->Get(image_id2);
-    const auto pair_image = [&](const ImageFeatures& image) {
-      return CreatePairImage(
-          scene_, image.image, image.depths ? &*image.depths : nullptr);
-    };
-    function(i, pair_image(*features1), pair_image(*features2), matches);
+    const auto depths1 = DepthsOf(*features1);
+    const auto depths2 = DepthsOf(*features2);
+    function(i,
+             CreatePairImage(
+                 scene_, features1->image, depths1 ? &*depths1 : nullptr),
+             CreatePairImage(
+                 scene_, features2->image, depths2 ? &*depths2 : nullptr),
+             matches);
   });
 }
 

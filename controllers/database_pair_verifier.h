@@ -5,6 +5,7 @@
 
 #include "colmap_ext/database/feature_cache.h"
 #include "colmap_ext/database/match_reader.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "sfm/verification/pair_verification.h"
 
 #include <cstdint>
@@ -14,6 +15,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace dgsfm {
@@ -53,6 +55,11 @@ class DatabasePairVerifier {
                        const Scene& scene,
                        const KeypointDepthMap& depths);
 
+  // By what affine maps became `depths`, for key points that the scene lacks.
+  void SetConversions(AffineDepths conversions) {
+    conversions_ = std::move(conversions);
+  }
+
   // Throws std::runtime_error as MatchReader.
   Comparison Compare(const Fingerprints& stored);
 
@@ -68,10 +75,14 @@ class DatabasePairVerifier {
   // Calls a function for each pair, from several threads.
   void ForEach(const PairSizes& pairs, const Function& function);
 
+  // All depths of an image that is in depths_, converted as these are.
+  std::optional<KeypointDepths> DepthsOf(const ImageFeatures& features) const;
+
   const PairVerificationOptions& options_;
   const std::string options_text_;
   const Scene& scene_;
   const KeypointDepthMap& depths_;
+  AffineDepths conversions_;
   const SqliteConnection connection_;
   // Where the scene lacks key points.
   std::optional<FeatureCache> features_;

@@ -3,10 +3,12 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/depth/depth_map_io.h"
 #include "colmap_ext/depth/depth_undistortion.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
+#include "controllers/dense_workspace.h"
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
 #include "controllers/sparse_model.h"
@@ -52,6 +54,9 @@ std::string FileName(const std::string& image_name, DepthExportFormat format) {
       {DepthExportFormat::PNG, ".png"},
       {DepthExportFormat::EXR, ".exr"},
       {DepthExportFormat::DENSE_BIN, ".geometric.bin"}};
+  if (format == DepthExportFormat::COLMAP_WORKSPACE) {
+    return WorkspaceDepthFile(image_name);
+  }
   const auto extension = kExtensions.find(format);
   return extension == kExtensions.end() ? SplattingFileName(image_name)
                                         : image_name + extension->second;
@@ -79,7 +84,9 @@ class Exporter {
         output_path_(output_path),
         options_(options) {
     if (model_path) model_ = ReadSparseModel(*model_path);
-    if (!options.undistorted_path.empty()) {
+    if (options.format == DepthExportFormat::COLMAP_WORKSPACE) {
+      undistorted_model_ = ReadSparseModel(WorkspaceModelPath(output_path));
+    } else if (!options.undistorted_path.empty()) {
       undistorted_model_ = ReadSparseModel(options.undistorted_path);
     }
   }
@@ -123,6 +130,9 @@ class Exporter {
                                    std::move(job.alignment)});
     }
     if (is_for_splatting) WriteSplattingParameters(output_path_, scales);
+    if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
+      WriteFusionList(output_path_, NamesOfExported());
+    }
     if (model_) WriteAlignments();
     return std::move(summary_);
   }
@@ -176,9 +186,19 @@ class Exporter {
     Progress progress(label, jobs->size());
     ParallelFor(jobs->size(), options_.num_threads, [&](size_t i) {
       Job& job = (*jobs)[i];
-      function(&job,
-               DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
-                   .ReadDepthMap(job.image_id));
+      DepthMap map =
+          DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+              .ReadDepthMap(job.image_id);
+      if (IsAffine(map.unit) && !model_) {
+        throw std::runtime_error(
+            "the map of image " + job.name +
+            " is relative: it becomes depth by a model alone (--input_path)");
+      }
+      if (IsAffine(map.unit) && !ConvertByPoints(*model_, job.name, &map)) {
+        job.has_few_points = true;
+      } else {
+        function(&job, std::move(map));
+      }
       progress.Step();
     });
   }
@@ -211,6 +231,13 @@ class Exporter {
       depth_map =
           UndistortDepth(depth_map, *job.camera, *job.undistorted_camera);
     }
+    if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
+      WriteWorkspaceMaps(output_path_,
+                         job.name,
+                         std::move(depth_map),
+                         *job.undistorted_camera);
+      return;
+    }
     const fs::path path =
         PathInside(output_path_, FileName(job.name, options_.format));
     // Images in sub-folders have their maps in the same ones.
@@ -235,7 +262,17 @@ class Exporter {
       case DepthExportFormat::GAUSSIAN_SPLATTING:
         WriteSplattingPng(path, depth_map, splatting_scale_);
         break;
+      case DepthExportFormat::COLMAP_WORKSPACE:
+        break;  // No file alone.
     }
+  }
+
+  std::vector<std::string> NamesOfExported() const {
+    std::vector<std::string> names;
+    for (const DepthExportSummary::Image& image : summary_.exported) {
+      names.push_back(image.name);
+    }
+    return names;
   }
 
   // The images of the model or, without one, of the database, without scales.
@@ -283,6 +320,13 @@ bool DepthExportOptions::IsValid(std::string* error) const {
     *error = "png_scale must be positive and finite";
     return false;
   }
+  if (format == DepthExportFormat::COLMAP_WORKSPACE &&
+      !undistorted_path.empty()) {
+    *error =
+        "undistorted_path has no meaning for colmap_workspace, whose "
+        "undistorted model is in output_path";
+    return false;
+  }
   return alignment.IsValid(error);
 }
 
@@ -328,8 +372,10 @@ DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const DepthExportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  DGSFM_CHECK(model_path || options.undistorted_path.empty())
-      << options.undistorted_path;
+  const bool needs_model =
+      !options.undistorted_path.empty() ||
+      options.format == DepthExportFormat::COLMAP_WORKSPACE;
+  DGSFM_CHECK(model_path || !needs_model) << "a model is needed";
   CreateOutputFolder(output_path);
   return Exporter(database_path, model_path, output_path, options).Run();
 }

@@ -19,6 +19,7 @@ enum class DepthExportFormat {
   EXR,                 // a.jpg.exr, channel Z
   DENSE_BIN,           // a.jpg.geometric.bin, as COLMAP's dense stereo has it
   GAUSSIAN_SPLATTING,  // a.png and depth_params.json, see splatting_depth.h
+  COLMAP_WORKSPACE,    // depth and normals for stereo_fusion, dense_workspace.h
 };
 
 struct DepthExportOptions {
@@ -46,7 +47,7 @@ struct DepthExportSummary {
   // In the order of image ids.
   std::vector<Image> exported;
   // Those without a depth map in the database, not in the model, or with too
-  // few points in it.
+  // few points in it (relative maps, also with points that do not fit).
   std::vector<std::string> images_without_map;
   std::vector<std::string> images_without_model;
   std::vector<std::string> images_with_few_points;
@@ -61,8 +62,14 @@ struct DepthExportSummary {
 // points (see AlignDepth); alignment.json in output_path has scale, shift,
 // residuals and number of points of each image.
 //
+// Relative disparity and relative depth get their scale and shift by the points
+// of the model, without which they are refused.
+//
 // Maps are of their own size and cover the image as it is in the database, or
 // as it is in the undistorted model, which dense stereo and splatting expect.
+//
+// For COLMAP_WORKSPACE, which needs a model, output_path is a folder that
+// image_undistorter wrote, and maps are those of its images.
 //
 // Throws std::runtime_error naming file or image if something cannot be read or
 // written, if the database holds no map (but depths of key points only), or if

@@ -4,6 +4,7 @@
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/commands.h"
+#include "controllers/relative_depth_stage.h"
 #include "estimators/option_check.h"
 #include "sfm/intrinsics/prior_trust.h"
 
@@ -256,9 +257,12 @@ VerificationSummary VerifyDatabasePairs(
   std::vector<StageReport> stages;
   Scene scene = ReadScene(options.database_path, SceneContent::FEATURES);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
-  const KeypointDepthMap depths = LoadDepths(options, {}, &stages);
+  KeypointDepthMap depths = LoadDepths(options, {}, &stages);
+  RelativeDepths relative =
+      ConvertRelativeDepths(options, &scene, &depths, &stages);
   StageTimer timer("pair_verification");
   DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
+  verifier.SetConversions(std::move(relative.conversions));
   const DatabasePairVerifier::Fingerprints stored =
       database.ReadPairFingerprints();
   const auto comparison = verifier.Compare(

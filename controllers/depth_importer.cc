@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/depth/image_orientation.h"
 #include "colmap_ext/fnv_hash.h"
 #include "colmap_ext/output_file.h"
@@ -15,7 +16,6 @@
 #include <cmath>
 #include <filesystem>
 #include <iomanip>
-#include <iterator>
 #include <map>
 #include <mutex>
 #include <set>
@@ -91,25 +91,20 @@ uint64_t SourceFingerprint(const DepthFile& file,
   return hash.Value();
 }
 
-bool LookLikeMillimetres(const DepthMap& depth_map,
-                         double median_depth,
-                         const DepthReadOptions& options) {
-  constexpr double kMaxMetricDepth = 200;
-  return options.type != DepthType::INVERSE && options.scale == 1 &&
-         options.unit == DepthUnit::METRIC && median_depth > kMaxMetricDepth &&
-         std::all_of(depth_map.values.begin(),
-                     depth_map.values.end(),
-                     [](float depth) { return depth == std::floor(depth); });
-}
-
 ImageDepth ReadImageDepth(const DepthFile& file,
                           const std::vector<Eigen::Vector2d>& keypoints,
                           const colmap::Camera& camera,
                           const DepthImportOptions& options) {
   const ImportedDepth imported = ReadDepth(file, camera, options.reading);
   const DepthMap& depth_map = imported.depth_map;
-  std::vector<float> depths = SampleDepth(
-      depth_map, keypoints, camera.Width(), camera.Height(), options.sampling);
+  const bool is_affine = IsAffine(depth_map.unit);
+  const auto width = static_cast<int>(camera.Width());
+  const auto height = static_cast<int>(camera.Height());
+  const DepthSamplingOptions& sampling = options.sampling;
+  std::vector<float> depths =
+      is_affine ? SampleAffine(
+                      depth_map, keypoints, width, height, sampling.keep_edges)
+                : SampleDepth(depth_map, keypoints, width, height, sampling);
 
   ImageDepth result;
   result.summary.file = file.Description();
@@ -118,20 +113,24 @@ ImageDepth ReadImageDepth(const DepthFile& file,
   result.summary.coverage = imported.coverage;
   result.summary.num_keypoints = depths.size();
   std::vector<double> known_depths;
-  std::copy_if(depths.begin(),
-               depths.end(),
-               std::back_inserter(known_depths),
-               [](float depth) { return depth > 0; });
+  for (const float depth : depths) {
+    if (depth != 0) known_depths.push_back(depth);
+  }
   result.summary.num_keypoints_with_depth = known_depths.size();
   if (!known_depths.empty()) {
     result.summary.median_depth = Median(std::move(known_depths));
   }
-  result.summary.looks_like_millimetres = LookLikeMillimetres(
-      depth_map, result.summary.median_depth, options.reading);
+  const DepthMapStatistics statistics = MeasureDepthMap(depth_map);
+  result.summary.oddities = FindOddities(statistics, options.reading);
+  result.summary.lower_to_upper = statistics.lower_to_upper;
   result.summary.focal_length_px = imported.focal_length_px;
   result.summary.is_stretched = imported.is_stretched;
-  if (!options.keypoints_only) result.depth_map = CompressDepth(depth_map);
-  result.keypoint_depths = {options.reading.unit,
+  result.summary.is_relative = is_affine;
+  if (!options.keypoints_only) {
+    result.depth_map =
+        CompressDepth(is_affine ? StorableAffine(depth_map) : depth_map);
+  }
+  result.keypoint_depths = {depth_map.unit,
                             std::move(depths),
                             imported.focal_length_px,
                             SourceFingerprint(file, camera, options)};
@@ -254,6 +253,7 @@ DepthImportSummary Import(const Scene& scene,
   DepthDatabase database(database_path, DepthDatabase::Mode::READ_WRITE);
   const auto known = database.ReadSourceFingerprints();
   DepthImportSummary summary;
+  summary.type = options.reading.type;
   summary.files_without_image = std::move(search.files_without_image);
   std::vector<std::pair<colmap::image_t, DepthFile>> files;
   for (const auto& [image_id, image] : scene.images) {
@@ -302,8 +302,9 @@ std::string DepthImportSummary::ToText() const {
          << " %)";
     if (image.num_keypoints_with_depth > 0) {
       // Whoever forgot depth_scale sees it here.
-      text << ", median depth " << std::defaultfloat << std::setprecision(3)
-           << image.median_depth << std::fixed << std::setprecision(1);
+      text << (image.is_relative ? ", median value " : ", median depth ")
+           << std::defaultfloat << std::setprecision(3) << image.median_depth
+           << std::fixed << std::setprecision(1);
     }
     if (image.focal_length_px > 0) {
       text << ", focal length " << image.focal_length_px << " px";
@@ -330,20 +331,16 @@ std::string DepthImportSummary::ToText() const {
          << " images were imported from the same files before "
             "(--overwrite 1 imports them again)\n";
   }
-  const auto num_millimetres =
-      std::count_if(imported.begin(), imported.end(), [](const Image& image) {
-        return image.looks_like_millimetres;
-      });
-  if (num_millimetres > 0) {
-    text << "warning: " << num_millimetres
-         << " maps hold whole numbers above 200 in the median, as those of "
-            "sensors in millimetres: if so, import them with --depth_scale "
-            "0.001 (--overwrite 1)\n";
+  std::vector<DepthKindSample> samples;
+  for (const Image& image : imported) {
+    samples.push_back({image.name, image.oddities, image.lower_to_upper});
   }
-  text << "imported " << imported.size() << " of "
-       << imported.size() + failed.size() + num_unchanged +
-              images_without_depth.size()
-       << " images, " << num_keypoints_with_depth << " key points with depth ("
+  const size_t num_images = imported.size() + failed.size() + num_unchanged +
+                            images_without_depth.size();
+  text << DepthKindWarnings(samples, type)
+       << MissingMapsWarning(images_without_depth.size() - num_kept, num_images)
+       << "imported " << imported.size() << " of " << num_images << " images, "
+       << num_keypoints_with_depth << " key points with depth ("
        << Percentage(num_keypoints_with_depth, num_keypoints) << " %)\n";
   return text.str();
 }

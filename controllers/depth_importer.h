@@ -5,6 +5,7 @@
 
 #include "colmap_ext/depth/depth_map.h"
 #include "colmap_ext/depth/depth_map_io.h"
+#include "controllers/depth_kind_warnings.h"
 
 #include <cstddef>
 #include <map>
@@ -42,18 +43,21 @@ struct DepthImportSummary {
     double coverage = 0;  // share of map pixels with known depth
     size_t num_keypoints = 0;
     size_t num_keypoints_with_depth = 0;
-    double median_depth = 0;     // of these [unit of depth]
+    // Of these [unit of depth], or of the numbers of relative maps.
+    double median_depth = 0;
+    bool is_relative = false;    // relative disparity or relative depth
     double focal_length_px = 0;  // by the depth model, 0 = unknown
     bool is_stretched = false;   // another aspect than the image's
-    // Whether the numbers look like millimetres taken for metres: whole ones,
-    // of a median that no camera sees in metres.
-    bool looks_like_millimetres = false;
+    // What the map looks like, see DepthMapStatistics.
+    std::vector<DepthOddity> oddities;
+    double lower_to_upper = 1;
   };
   struct Failure {
     std::string name;
     std::string reason;  // names the file
   };
 
+  DepthType type = DepthType::Z;
   // All lists are in the order of image ids, or sorted.
   std::vector<Image> imported;
   // Images whose depth could not be read.
@@ -68,7 +72,8 @@ struct DepthImportSummary {
   // How many images failed and the first reason; for messages.
   std::string FailureText() const;
   // One line per image, failure, file without image and image without depth,
-  // one of warning if maps look like millimetres; the last line is "imported N
+  // one of warning for each way in which maps look like another kind (see
+  // DepthKindWarnings); the last line is "imported N
   // of M images, K key points with depth (P %)", where P refers to the key
   // points of the imported images.
   std::string ToText() const;

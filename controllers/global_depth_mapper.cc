@@ -15,7 +15,9 @@
 #include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
 #include "controllers/point_colors.h"
+#include "controllers/relative_depth_stage.h"
 #include "controllers/report/report_page.h"
+#include "sfm/mapping/depth_kind_check.h"
 #include "sfm/mapping/rig_model.h"
 
 #include <filesystem>
@@ -154,9 +156,14 @@ void StageReports(const GlobalDepthMapperOptions& options,
                   const Scene& scene,
                   const PairGeometries& pairs,
                   const std::optional<LocalFrame>& frame,
+                  const RelativeDepthReport& relative_depths,
                   const DepthGlobalMapperResult& result) {
-  WriteMapperReport(
-      folder.StagedFile(kReportFile), scene, pairs, frame, result);
+  WriteMapperReport(folder.StagedFile(kReportFile),
+                    scene,
+                    pairs,
+                    frame,
+                    result,
+                    relative_depths);
   if (frame && options.mapper.georeferencing.georeference) {
     WriteGeoreference(
         folder.StagedFile(kGeoreferenceFile), *frame, result.georeferences);
@@ -216,11 +223,15 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_, scene, depths);
   }
+  const KeypointDepthMap given_depths = depths;
+  const RelativeDepths relative =
+      ConvertRelativeDepths(options_.verifier, &scene, &depths, &stages);
   PairScores scores;
   if (!options_.pair_scores_path.empty()) {
     scores = ReadPairScores(options_.pair_scores_path, scene);
   }
-  PairGeometries pairs = LoadOrVerifyPairs(scene, depths, &stages);
+  PairGeometries pairs =
+      LoadOrVerifyPairs(scene, depths, relative.conversions, &stages);
 
   // The report shows cameras as the database has them.
   const CameraMap given_cameras = scene.cameras;
@@ -232,10 +243,22 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                        &depths,
                        &pairs);
   scene.cameras = given_cameras;
+  for (const std::string& warning :
+       WarningsOfDepthKinds(scene, given_depths, result.models)) {
+    LOG(WARNING) << warning;
+    result.warnings.push_back(warning);
+  }
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   WarnOfPositions(options_.mapper.georeferencing, pose_priors, &result);
   StageModels(folder, scene.rigs, &result);
-  StageReports(options_, folder, scene, pairs, pose_priors.frame, result);
+  StageReports(
+      options_,
+      folder,
+      scene,
+      pairs,
+      pose_priors.frame,
+      {relative.fits, FitRelativeDepthsToModels(given_depths, result.models)},
+      result);
   if (options_.WritesHtmlReport()) {
     StageReportPage(folder, result.models.size());
   }
@@ -248,6 +271,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
     const Scene& scene,
     const KeypointDepthMap& depths,
+    const AffineDepths& conversions,
     std::vector<StageReport>* stages) const {
   const DepthGeometricVerifierOptions& options = options_.verifier;
   StageTimer timer("pair_verification");
@@ -261,6 +285,7 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
     fingerprints[pair_id] = pair.fingerprint;
   }
   DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
+  verifier.SetConversions(conversions);
   const auto comparison = verifier.Compare(fingerprints);
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);

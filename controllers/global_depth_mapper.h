@@ -36,8 +36,10 @@ class GlobalDepthMapper {
  private:
   // Geometries of all pairs of the scene: stored ones that hold, all others
   // verified and stored, so that a run that is broken off goes on from there.
+  // `conversions`: by what affine maps became `depths`.
   PairGeometries LoadOrVerifyPairs(const Scene& scene,
                                    const KeypointDepthMap& depths,
+                                   const AffineDepths& conversions,
                                    std::vector<StageReport>* stages) const;
   // Replaces stale geometries of the database; empty if it is not to be written
   // or cannot be.

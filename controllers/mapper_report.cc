@@ -67,8 +67,43 @@ Json CameraEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
   return entries;
 }
 
+Json FitEntry(const RelativeDepthFit& fit) {
+  Json entry;
+  if (!fit.fit.success) {
+    entry["reason"] = fit.fit.reason;
+    return entry;
+  }
+  entry["shift"] = fit.fit.shift;
+  entry["shift_stddev"] = fit.fit.shift_stddev;
+  entry["noise"] = fit.fit.noise;
+  entry["num_points"] = fit.fit.num_samples;
+  return entry;
+}
+
+// Scales have a meaning in the unit of a model alone.
+Json RelativeDepthEntry(const RelativeDepthReport& fits,
+                        colmap::image_t image_id) {
+  const RelativeDepthFit& by_pairs = fits.by_pairs.at(image_id);
+  Json entry;
+  entry["used"] = by_pairs.fit.success;
+  entry["by_pairs"] = FitEntry(by_pairs);
+  if (by_pairs.fit.success) {
+    entry["by_pairs"]["num_pairs"] = by_pairs.fit.num_pairs;
+  }
+  const auto by_model = fits.by_models.find(image_id);
+  if (by_model == fits.by_models.end()) return entry;
+  entry["by_model"] = FitEntry(by_model->second);
+  if (by_model->second.fit.success) {
+    entry["by_model"]["scale"] = by_model->second.fit.scales[0];
+    entry["by_model"]["scale_stddev"] = by_model->second.fit.scale_stddevs[0];
+  }
+  return entry;
+}
+
 // Lists all images, so that a missing one can be found by its name.
-Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
+Json ImageEntries(const Scene& scene,
+                  const DepthGlobalMapperResult& result,
+                  const RelativeDepthReport& relative_depths) {
   Json entries;
   for (const auto& [image_id, image] : scene.images) {
     Json entry;
@@ -81,6 +116,9 @@ Json ImageEntries(const Scene& scene, const DepthGlobalMapperResult& result) {
     const auto scale = result.depth_scales.find(image_id);
     if (scale != result.depth_scales.end()) {
       entry["depth_scale"] = scale->second;
+    }
+    if (relative_depths.by_pairs.count(image_id) > 0) {
+      entry["relative_depth"] = RelativeDepthEntry(relative_depths, image_id);
     }
     entries.push_back(entry);
   }
@@ -112,7 +150,8 @@ void WriteMapperReport(const std::string& path,
                        const Scene& scene,
                        const PairGeometries& pairs,
                        const std::optional<LocalFrame>& frame,
-                       const DepthGlobalMapperResult& result) {
+                       const DepthGlobalMapperResult& result,
+                       const RelativeDepthReport& relative_depths) {
   Json report;
   report["stages"] = StageEntries(result.stages);
   const PairTotals totals = CountPairs(pairs);
@@ -149,7 +188,7 @@ void WriteMapperReport(const std::string& path,
         {"median_translation_deg", metrics.median_translation_error_deg}};
   }
   report["cameras"] = CameraEntries(scene, result);
-  report["images"] = ImageEntries(scene, result);
+  report["images"] = ImageEntries(scene, result, relative_depths);
   // The list of pairs is appended as text: as JSON in memory it would need
   // many times its size.
   std::string text = JsonText(report, 2);

@@ -5,6 +5,7 @@
 
 #include "colmap_ext/local_frame.h"
 #include "sfm/global_mapping.h"
+#include "sfm/verification/relative_depth.h"
 
 #include <optional>
 #include <string>
@@ -15,12 +16,20 @@ namespace dgsfm {
 constexpr char kReportFile[] = "report.json";
 constexpr char kProjectFile[] = "project.ini";
 
+// Maps of unknown scale and shift: the fits by pairs, which the mapping used,
+// and by the points of the models.
+struct RelativeDepthReport {
+  RelativeDepthFits by_pairs;
+  RelativeDepthFits by_models;
+};
+
 // `frame` is that of positions of images, if they are geodetic. Throws
 // std::runtime_error if the file cannot be written.
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,
                        const PairGeometries& pairs,
                        const std::optional<LocalFrame>& frame,
-                       const DepthGlobalMapperResult& result);
+                       const DepthGlobalMapperResult& result,
+                       const RelativeDepthReport& relative_depths = {});
 
 }  // namespace dgsfm

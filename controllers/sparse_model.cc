@@ -1,5 +1,8 @@
 #include "controllers/sparse_model.h"
 
+#include "colmap_ext/depth/affine_depth.h"
+#include "estimators/affine_depth_fit.h"
+
 #include <stdexcept>
 
 namespace dgsfm {
@@ -62,6 +65,23 @@ std::vector<DepthCorrespondence> FindDepthCorrespondences(
                                point_depths[i]});
   }
   return correspondences;
+}
+
+bool ConvertByPoints(const SparseModel& model,
+                     const std::string& image_name,
+                     DepthMap* depth_map) {
+  const bool is_disparity = depth_map->unit == kAffineDisparity;
+  std::vector<AffineDepthSample> samples;
+  for (const DepthCorrespondence& point :
+       FindDepthCorrespondences(model, image_name, *depth_map)) {
+    samples.push_back(
+        {point.map_depth,
+         is_disparity ? 1 / point.point_depth : point.point_depth});
+  }
+  const AffineDepthFit fit = FitAffineDepth({samples}, AffineDepthFitOptions());
+  if (!fit.success) return false;
+  ConvertAffine({depth_map->unit, fit.scales[0], fit.shift, 0}, depth_map);
+  return true;
 }
 
 }  // namespace dgsfm

@@ -35,4 +35,11 @@ std::vector<DepthCorrespondence> FindDepthCorrespondences(
     const std::string& image_name,
     const DepthMap& depth_map);
 
+// Turns a map of unknown scale and shift into depth in the unit of the model,
+// by the points that its image sees; false if there are too few, or they do not
+// fit.
+bool ConvertByPoints(const SparseModel& model,
+                     const std::string& image_name,
+                     DepthMap* depth_map);
+
 }  // namespace dgsfm

@@ -155,6 +155,10 @@ void ArrangeModels(const MappingContext& context,
 void MeasureUnits(const MappingContext& context,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
+  const bool is_any_metric = std::any_of(
+      context.depths.begin(), context.depths.end(), [](const auto& image) {
+        return image.second.unit == DepthUnit::METRIC;
+      });
   for (size_t i = 0; i < result->models.size(); ++i) {
     const auto& model = result->models[i];
     MeasuredUnit unit =
@@ -166,7 +170,10 @@ void MeasureUnits(const MappingContext& context,
     if (rigs_fix_scale) unit.unit = ModelUnit::RIGS;
     if (is_georeferenced) unit.unit = ModelUnit::METRES;
     result->units.push_back(unit);
-    if (rigs_fix_scale || is_georeferenced || !unit.IsDoubtful()) continue;
+    if (rigs_fix_scale || is_georeferenced || !is_any_metric ||
+        !unit.IsDoubtful()) {
+      continue;
+    }
     std::ostringstream factor;
     factor << std::setprecision(2) << std::exp(unit.log_spread);
     log->Warn("The scales of the depth maps of a model with " +

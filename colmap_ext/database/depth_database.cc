@@ -5,6 +5,7 @@
 #include "colmap_ext/database/depth_schema.h"
 #include "colmap_ext/database/keypoint_selection.h"
 #include "colmap_ext/database/pair_geometry_table.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/fnv_hash.h"
 
 #include <algorithm>
@@ -23,7 +24,14 @@ constexpr char kSelectSamples[] =
     "source_fingerprint, keypoints.data FROM dgsfm_keypoint_depths AS depths "
     "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)";
 
-bool IsDepth(float depth) { return std::isfinite(depth) && depth >= 0; }
+bool AreDepths(const KeypointDepths& keypoint_depths) {
+  const bool is_affine = IsAffine(keypoint_depths.unit);
+  return std::all_of(keypoint_depths.depths.begin(),
+                     keypoint_depths.depths.end(),
+                     [&](float depth) {
+                       return std::isfinite(depth) && (is_affine || depth >= 0);
+                     });
+}
 
 bool IsFocalLength(double focal_length_px) {
   return std::isfinite(focal_length_px) && focal_length_px >= 0;
@@ -33,8 +41,7 @@ bool IsFocalLength(double focal_length_px) {
 void CheckSamples(const KeypointDepths& keypoint_depths) {
   DGSFM_CHECK(IsFocalLength(keypoint_depths.focal_length_px))
       << keypoint_depths.focal_length_px;
-  DGSFM_CHECK(std::all_of(
-      keypoint_depths.depths.begin(), keypoint_depths.depths.end(), IsDepth));
+  DGSFM_CHECK(AreDepths(keypoint_depths));
 }
 
 // Hash of the blob of key points; a NULL is an empty one.
@@ -67,10 +74,11 @@ ImageInfo ReadImage(const SqliteConnection& connection,
 DepthUnit CheckedUnit(const SqliteConnection& connection,
                       int64_t unit,
                       const std::string& image_name) {
-  if (unit != static_cast<int>(DepthUnit::METRIC) &&
-      unit != static_cast<int>(DepthUnit::RELATIVE)) {
+  if (unit < static_cast<int>(DepthUnit::METRIC) ||
+      unit > static_cast<int>(kAffineDepth)) {
     throw connection.Error()
-        << "image " << image_name << ": unknown depth unit " << unit;
+        << "image " << image_name << ": unknown depth unit " << unit
+        << "; use the version of the program that wrote it";
   }
   return static_cast<DepthUnit>(unit);
 }
@@ -87,8 +95,7 @@ KeypointDepths ReadSamples(const SqliteConnection& connection,
   depths.focal_length_px = row.Double(6);
   depths.source_fingerprint = static_cast<uint64_t>(row.Int(8));
   if (!IsFocalLength(depths.focal_length_px) ||
-      num_depths != int64_t(depths.depths.size()) ||
-      !std::all_of(depths.depths.begin(), depths.depths.end(), IsDepth)) {
+      num_depths != int64_t(depths.depths.size()) || !AreDepths(depths)) {
     throw connection.Error()
         << "image " << name
         << ": damaged depth at key points; run depth_importer again";

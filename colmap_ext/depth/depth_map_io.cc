@@ -1,6 +1,7 @@
 #include "colmap_ext/depth/depth_map_io.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/depth/image_orientation.h"
 #include "colmap_ext/depth/raw_depth.h"
 #include "colmap_ext/formats/depth_file_formats.h"
@@ -101,20 +102,51 @@ size_t CleanDepths(double max_depth, std::vector<float>* depths) {
   return num_known;
 }
 
+// Turns what is no number into unknown values; returns the number of the
+// others.
+size_t CleanAffineValues(std::vector<float>* values) {
+  size_t num_known = 0;
+  for (float& value : *values) {
+    if (!std::isfinite(value)) value = 0;
+    num_known += value != 0;
+  }
+  return num_known;
+}
+
+DepthUnit UnitOf(const DepthReadOptions& options) {
+  switch (options.type) {
+    case DepthType::RELATIVE_DISPARITY:
+      return kAffineDisparity;
+    case DepthType::RELATIVE_DEPTH:
+      return kAffineDepth;
+    default:
+      return options.unit;
+  }
+}
+
+// Depth from the numbers, unknown where they are none; returns how many are
+// known.
+size_t ConvertValues(const colmap::Camera& camera,
+                     const DepthReadOptions& options,
+                     DepthGrid* grid) {
+  if (IsAffine(options.type)) return CleanAffineValues(&grid->values);
+  const float scale = static_cast<float>(options.scale);
+  if (options.type == DepthType::INVERSE) {
+    for (float& value : grid->values) value = scale / value;
+  } else if (scale != 1) {
+    for (float& value : grid->values) value *= scale;
+  }
+  if (options.type == DepthType::RANGE) MultiplyRayCosines(camera, grid);
+  return CleanDepths(options.max_depth, &grid->values);
+}
+
 // Sets map and coverage.
 void ConvertGrid(DepthGrid grid,
                  const colmap::Camera& camera,
                  const DepthReadOptions& options,
                  ImportedDepth* result) {
   CheckAspect(grid, camera, options.max_aspect_factor);
-  const float scale = static_cast<float>(options.scale);
-  if (options.type == DepthType::INVERSE) {
-    for (float& value : grid.values) value = scale / value;
-  } else if (scale != 1) {
-    for (float& value : grid.values) value *= scale;
-  }
-  if (options.type == DepthType::RANGE) MultiplyRayCosines(camera, &grid);
-  const size_t num_known = CleanDepths(options.max_depth, &grid.values);
+  const size_t num_known = ConvertValues(camera, options, &grid);
   if (num_known == 0) {
     throw std::runtime_error("no pixel of the " +
                              internal::FormatSize(grid.width, grid.height) +
@@ -123,7 +155,7 @@ void ConvertGrid(DepthGrid grid,
   }
   result->coverage = static_cast<double>(num_known) / grid.values.size();
   result->depth_map = {
-      grid.width, grid.height, options.unit, std::move(grid.values)};
+      grid.width, grid.height, UnitOf(options), std::move(grid.values)};
 }
 
 struct Size {
@@ -212,7 +244,20 @@ DepthGrid GridOf(const DepthMap& depth_map) {
 
 }  // namespace
 
+bool IsAffine(DepthType type) {
+  return type == DepthType::RELATIVE_DISPARITY ||
+         type == DepthType::RELATIVE_DEPTH;
+}
+
 bool DepthReadOptions::IsValid(std::string* error) const {
+  if (IsAffine(type) && (scale != 1 || max_depth != 0)) {
+    if (error != nullptr) {
+      *error =
+          "depth_scale and max_depth have no meaning for relative disparity "
+          "and relative depth, whose scale and shift are unknown";
+    }
+    return false;
+  }
   using Limits = std::numeric_limits<float>;
   struct Bound {
     const char* name;
@@ -260,7 +305,7 @@ ImportedDepth ReadDepth(const DepthFile& file,
   DGSFM_CHECK(camera.Width() > 0 && camera.Height() > 0)
       << "camera " << camera.CameraId();
   try {
-    RawDepth raw = internal::ReadRawDepth(file);
+    RawDepth raw = internal::ReadRawDepth(file, options.type);
     return ConvertRawDepth(std::move(raw), file.orientation, camera, options);
   } catch (const std::runtime_error& failure) {
     throw std::runtime_error("depth map " + file.Description() + ": " +

@@ -19,8 +19,11 @@ namespace dgsfm {
 
 // Meaning of a number in a file. Z: third coordinate in
 // the camera frame. RANGE: length of the ray. INVERSE: one over the third
-// coordinate (disparity).
-enum class DepthType { Z, RANGE, INVERSE };
+// coordinate (disparity). RELATIVE_DISPARITY and RELATIVE_DEPTH: the same up to
+// an unknown scale and shift per image, a / z + b and a z + b.
+enum class DepthType { Z, RANGE, INVERSE, RELATIVE_DISPARITY, RELATIVE_DEPTH };
+// Whether scale and shift are unknown.
+bool IsAffine(DepthType type);
 
 struct DepthReadOptions {
   DepthType type = DepthType::Z;
@@ -28,6 +31,7 @@ struct DepthReadOptions {
   // Depth is scale * number, for INVERSE scale / number. The default takes the
   // numbers of every format, PNG included, as they are.
   double scale = 1;
+  // Of relative disparity and depth, which have no unit, without meaning.
   DepthUnit unit = DepthUnit::METRIC;
   // Farther is unknown [unit of depth, after scaling]; 0 for no bound.
   double max_depth = 0;
@@ -111,6 +115,10 @@ const std::vector<std::string>& DepthFileExtensions();
 // - .png: 16 bits, one channel; 65535 is unknown;
 // - .bin: a map of COLMAP's dense stereo.
 // Everywhere NaN, infinity, zero and negative numbers are unknown.
+//
+// Relative disparity and depth have values of any sign, of which 0 alone is
+// unknown; they may be pictures, PNG of 8 or 16 bits, in grey or in three equal
+// channels. The largest number of a PNG of relative depth is unknown.
 //
 // The map covers the whole image, so its aspect may differ (a network's square
 // input), up to max_aspect_factor. A map is refused as turned if its

@@ -1,6 +1,7 @@
 #include "colmap_ext/depth/raw_depth.h"
 
 #include "colmap_ext/depth/image_orientation.h"
+#include "colmap_ext/formats/gray_picture.h"
 #include "colmap_ext/formats/hdf5_format.h"
 #include "colmap_ext/formats/npz_format.h"
 
@@ -63,22 +64,44 @@ RawDepth ReadArrays(const Read& read) {
   return raw;
 }
 
-// The only grid of a file; PNG of either depth.
-DepthGrid ReadGrid(const std::string& path, int png_bit_depth) {
+// The only grid of a file other than PNG; PNG by a function of its own.
+template <typename ParsePicture>
+DepthGrid ReadGrid(const std::string& path, const ParsePicture& parse_png) {
   const std::string extension = LowerExtension(path);
   CheckFile(path);
   if (extension == ".tif" || extension == ".tiff") return ReadTiff(path);
   std::string bytes = ReadFile(path);
   if (extension == ".npy") return ToGrid(ParseNpy(std::move(bytes)));
   if (extension == ".pfm") return ParsePfm(bytes);
-  if (extension == ".png") return ParsePng(std::move(bytes), png_bit_depth);
+  if (extension == ".png") return parse_png(std::move(bytes));
   if (extension == ".exr") return ParseExr(bytes);
   if (extension == ".bin") return ParseDenseBin(bytes);
   throw std::runtime_error("the extension '" + extension +
                            "' is no known depth format");
 }
 
-RawDepth ReadArraysOrGrid(const DepthFile& file) {
+// Numbers of a PNG. Sensors write the largest there is where they measure
+// nothing.
+DepthGrid ReadDepthPng(std::string bytes) {
+  DepthGrid grid = ParsePng(std::move(bytes), /*bit_depth=*/16);
+  for (float& value : grid.values) {
+    if (value == kUnknownInPng) value = 0;
+  }
+  return grid;
+}
+
+// The same of a picture. The largest disparity is that of the nearest surface.
+DepthGrid ReadRelativePng(std::string bytes, DepthType type) {
+  GrayPicture picture = ParseGrayPicture(std::move(bytes));
+  if (type == DepthType::RELATIVE_DEPTH) {
+    for (float& value : picture.grid.values) {
+      if (value == picture.max_value) value = 0;
+    }
+  }
+  return std::move(picture.grid);
+}
+
+RawDepth ReadArraysOrGrid(const DepthFile& file, DepthType type) {
   if (file.arrays) return ReadArrays(file.arrays);
   if (IsHdf5Path(file.path)) {
     const Hdf5File archive(file.path);
@@ -91,19 +114,18 @@ RawDepth ReadArraysOrGrid(const DepthFile& file) {
     return ReadArrays([&](const char* name) { return archive.Read(name); });
   }
   RawDepth raw;
-  raw.depth = ReadGrid(file.path, /*png_bit_depth=*/16);
-  // Sensors write the largest number where they measure nothing.
-  if (extension == ".png") {
-    for (float& value : raw.depth.values) {
-      if (value == kUnknownInPng) value = 0;
-    }
-  }
+  raw.depth = ReadGrid(file.path, [&](std::string bytes) {
+    return IsAffine(type) ? ReadRelativePng(std::move(bytes), type)
+                          : ReadDepthPng(std::move(bytes));
+  });
   return raw;
 }
 
 DepthGrid ReadConfidence(const std::string& path) {
   try {
-    return ReadGrid(path, /*png_bit_depth=*/8);
+    return ReadGrid(path, [](std::string bytes) {
+      return ParsePng(std::move(bytes), /*bit_depth=*/8);
+    });
   } catch (const std::runtime_error& error) {
     throw std::runtime_error("confidence " + path + ": " + error.what());
   }
@@ -133,8 +155,8 @@ std::string FormatSize(size_t width, size_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-RawDepth ReadRawDepth(const DepthFile& file) {
-  RawDepth raw = ReadArraysOrGrid(file);
+RawDepth ReadRawDepth(const DepthFile& file, DepthType type) {
+  RawDepth raw = ReadArraysOrGrid(file, type);
   if (!file.confidence_path.empty()) {
     raw.confidence = ReadConfidence(file.confidence_path);
   }

@@ -22,8 +22,8 @@ struct RawDepth {
 // "width x height".
 std::string FormatSize(size_t width, size_t height);
 
-// Throws std::runtime_error with the reason.
-RawDepth ReadRawDepth(const DepthFile& file);
+// Of relative types, pictures too. Throws std::runtime_error with the reason.
+RawDepth ReadRawDepth(const DepthFile& file, DepthType type);
 
 // Makes depth 0 where mask, confidence or uncertainty exclude it. Throws if
 // they have another size than depth.

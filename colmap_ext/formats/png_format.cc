@@ -1,4 +1,5 @@
 #include "colmap_ext/formats/depth_file_formats.h"
+#include "colmap_ext/formats/gray_picture.h"
 
 #include <algorithm>
 #include <cstring>
@@ -71,6 +72,15 @@ bool ReadHeader(Session* session) {
   return true;
 }
 
+// Palettes, 1 to 4 bits and transparency become 8 or 16 bits of grey or colour.
+bool ExpandPicture(Session* session) {
+  if (setjmp(png_jmpbuf(session->png))) return false;
+  png_set_expand(session->png);
+  png_set_strip_alpha(session->png);
+  png_read_update_info(session->png, session->info);
+  return true;
+}
+
 bool ReadRows(Session* session, png_bytepp rows) {
   if (setjmp(png_jmpbuf(session->png))) return false;
   png_read_image(session->png, rows);
@@ -127,7 +137,11 @@ DepthGrid ParsePng(std::string bytes, int bit_depth) {
         "PNG of " + std::to_string(file_bit_depth) + " bits and " +
         std::to_string(png_get_channels(session.png, session.info)) +
         " channels; " + std::to_string(bit_depth) +
-        " bits and one channel are needed");
+        " bits and one channel are needed" +
+        (bit_depth == 16
+             ? "; pictures of relative depth are read with --depth_type "
+               "relative_disparity or relative_depth"
+             : ""));
   }
   DepthGrid grid;
   grid.width = png_get_image_width(session.png, session.info);
@@ -148,6 +162,43 @@ DepthGrid ParsePng(std::string bytes, int bit_depth) {
         value_size == 1 ? pixels[i] : boost::endian::load_big_u16(&pixels[i]));
   }
   return grid;
+}
+
+GrayPicture ParseGrayPicture(std::string bytes) {
+  Session session(Session::Mode::READ, std::move(bytes));
+  if (!ReadHeader(&session) || !ExpandPicture(&session)) session.Fail();
+  GrayPicture picture;
+  DepthGrid& grid = picture.grid;
+  grid.width = png_get_image_width(session.png, session.info);
+  grid.height = png_get_image_height(session.png, session.info);
+  CheckGridSize(grid.width, grid.height);
+  const size_t num_channels = png_get_channels(session.png, session.info);
+  const size_t value_size = png_get_bit_depth(session.png, session.info) / 8;
+  picture.max_value = value_size == 1 ? 255 : 65535;
+  const size_t num_values = size_t(grid.width) * grid.height;
+  const size_t num_bytes = value_size * num_channels * num_values;
+  // Of one bit a pixel at least.
+  CheckExpansion(num_values / 8, session.bytes.size());
+  std::vector<uint8_t> pixels(num_bytes);
+  std::vector<png_bytep> rows = FindRows(&pixels, grid.height);
+  if (!ReadRows(&session, rows.data())) session.Fail();
+  grid.values.reserve(num_values);
+  const auto value_at = [&](size_t i) -> int {
+    const uint8_t* value = &pixels[i * value_size];
+    return value_size == 1 ? *value : boost::endian::load_big_u16(value);
+  };
+  for (size_t i = 0; i < num_values; ++i) {
+    const int value = value_at(i * num_channels);
+    for (size_t channel = 1; channel < num_channels; ++channel) {
+      if (value_at(i * num_channels + channel) == value) continue;
+      throw std::runtime_error(
+          "a PNG in colours, as of colour-mapped depth, which numbers cannot "
+          "be read from: let the depth model write grey pictures, or better "
+          "its numbers (.npy)");
+    }
+    grid.values.push_back(static_cast<float>(value));
+  }
+  return picture;
 }
 
 std::string FormatPng16(int width,

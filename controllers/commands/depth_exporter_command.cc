@@ -12,9 +12,12 @@ void BindOptions(DepthExportOptions* options, CommandOptions* command_options) {
        {"png", DepthExportFormat::PNG},
        {"exr", DepthExportFormat::EXR},
        {"bin", DepthExportFormat::DENSE_BIN},
-       {"3dgs", DepthExportFormat::GAUSSIAN_SPLATTING}},
-      "npy, png (16 bits), exr, bin (COLMAP's dense maps) or 3dgs "
-      "(16-bit inverse depth and depth_params.json)");
+       {"3dgs", DepthExportFormat::GAUSSIAN_SPLATTING},
+       {"colmap_workspace", DepthExportFormat::COLMAP_WORKSPACE}},
+      "npy, png (16 bits), exr, bin (COLMAP's dense maps), 3dgs "
+      "(16-bit inverse depth and depth_params.json) or colmap_workspace "
+      "(depth and normals for stereo_fusion in a folder that "
+      "image_undistorter wrote)");
   command_options->Add(
       "undistorted_path",
       &options->undistorted_path,
@@ -59,8 +62,13 @@ int RunDepthExporter(int argc, char** argv) {
   BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
   std::string error;
-  if (input_path.empty() && !options.undistorted_path.empty()) {
-    std::cerr << "ERROR: undistorted_path needs input_path" << std::endl;
+  const bool is_workspace =
+      options.format == DepthExportFormat::COLMAP_WORKSPACE;
+  if (input_path.empty() &&
+      (is_workspace || !options.undistorted_path.empty())) {
+    std::cerr << "ERROR: "
+              << (is_workspace ? "colmap_workspace" : "undistorted_path")
+              << " needs input_path" << std::endl;
     return 2;
   }
   if (!options.IsValid(&error)) {

@@ -14,9 +14,13 @@ void AddMeaningOfNumbers(DepthImportOptions* options, CommandOptions* command) {
       &options->reading.type,
       {{"z", DepthType::Z},
        {"range", DepthType::RANGE},
-       {"inverse", DepthType::INVERSE}},
+       {"inverse", DepthType::INVERSE},
+       {"relative_disparity", DepthType::RELATIVE_DISPARITY},
+       {"relative_depth", DepthType::RELATIVE_DEPTH}},
       "What the numbers are: z (third coordinate), range (length of "
-      "the ray) or inverse (1 / z)");
+      "the ray), inverse (1 / z), or up to an unknown scale and shift "
+      "per image relative_disparity (a / z + b: Depth Anything, MiDaS, "
+      "DPT) or relative_depth (a z + b: Marigold)");
   command->Add("depth_scale",
                &options->reading.scale,
                "Depth per unit of the files, e.g. 0.001 for millimetres; for "

@@ -3,6 +3,7 @@
 #include "colmap_ext/parallel.h"
 #include "sfm/intrinsics/prior_trust.h"
 #include "sfm/verification/depth_reliability.h"
+#include "sfm/verification/relative_depth.h"
 #include "sfm/verification/static_background.h"
 
 #include <algorithm>
@@ -47,6 +48,14 @@ bool HasOtherFocals(const Scene& scene,
   const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
   return differs(image_id1, pair.focal_length1_px) ||
          differs(image_id2, pair.focal_length2_px);
+}
+
+std::vector<colmap::image_t> ImagesOf(const KeypointDepthMap& depths) {
+  std::vector<colmap::image_t> image_ids;
+  for (const auto& [image_id, image_depths] : depths) {
+    image_ids.push_back(image_id);
+  }
+  return image_ids;
 }
 
 void VerifyAgain(PairStage stage,
@@ -122,15 +131,23 @@ void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
                           MappingLog* log) {
   if (options.skip_depth_reliability) return;
   StageTimer timer("depth_reliability");
-  const std::vector<colmap::image_t> image_ids = FindUnreliableDepths(*pairs);
+  const bool are_reversed = DepthsFallWithDepth(scene, *pairs, *depths);
+  const std::vector<colmap::image_t> image_ids =
+      are_reversed ? ImagesOf(*depths) : FindUnreliableDepths(*pairs);
+  if (are_reversed) {
+    LOG(WARNING) << "No depth map is used: their values fall where the depth "
+                    "of the pairs grows";
+  }
   for (const colmap::image_t image_id : image_ids) {
-    LOG(WARNING) << "The depth map of image '"
-                 << scene.images.at(image_id).Name()
-                 << "' contradicts its matches and is not used";
+    LOG_IF(WARNING, !are_reversed)
+        << "The depth map of image '" << scene.images.at(image_id).Name()
+        << "' contradicts its matches and is not used";
     depths->erase(image_id);
   }
-  if (double(image_ids.size()) >
-      kMaxUnreliableShare * double(image_ids.size() + depths->size())) {
+  // The finished models show the reverse kind, and the message has the remedy.
+  if (!are_reversed &&
+      double(image_ids.size()) >
+          kMaxUnreliableShare * double(image_ids.size() + depths->size())) {
     log->Warn(std::to_string(image_ids.size()) +
               " depth maps contradict the matches and are not used: check that "
               "they belong to the images (orientation, cropping), and that the "

@@ -170,6 +170,37 @@ TEST_F(DepthExporterTest, WritesMapsOfUndistortedImages) {
       "undistorted does not exist");
 }
 
+TEST_F(DepthExporterTest, WritesTheWorkspaceOfDenseStereo) {
+  DepthExportOptions options;
+  options.format = DepthExportFormat::COLMAP_WORKSPACE;
+  const std::string workspace = dir_ + "/out";
+  const auto run = [&] {
+    ExportDepthMaps(database_path_, dir_ + "/model", workspace, options);
+  };
+  ExpectError(run,
+              "out is no workspace of undistorted images; write it first: "
+              "colmap image_undistorter");
+  WriteModel("out/sparse", 250, 160, 240);
+  fs::create_directory(workspace + "/stereo");
+  std::ofstream(workspace + "/stereo/fusion.cfg") << "sub/a.jpg\nb.jpg\n";
+  run();
+  EXPECT_EQ(FileContent(workspace + "/stereo/fusion.cfg"), "sub/a.jpg\n");
+  const std::string depths = workspace + "/stereo/depth_maps/sub/a.jpg.";
+  const std::string normals = workspace + "/stereo/normal_maps/sub/a.jpg.";
+  const std::string size = "16&24&";
+  for (const std::string kind : {"geometric.bin", "photometric.bin"}) {
+    EXPECT_EQ(FileContent(depths + kind).size(), size.size() + 2 + 4 * 16 * 24);
+    EXPECT_EQ(FileContent(normals + kind).substr(0, size.size() + 2),
+              size + "3&");
+    EXPECT_EQ(FileContent(normals + kind).size(),
+              size.size() + 2 + 3 * 4 * 16 * 24);
+  }
+  options.undistorted_path = workspace + "/sparse";
+  std::string error;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_THAT(error, HasSubstr("undistorted_path"));
+}
+
 // The different scales in depth_params.json.
 std::set<std::string> FindScales(const std::string& json) {
   const std::string key = "\"scale\": ";

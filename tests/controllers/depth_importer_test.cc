@@ -2,7 +2,9 @@
 
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/formats/depth_file_formats.h"
+#include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
 #include "tests/testing/colmap_database.h"
 #include "tests/testing/expect_error.h"
@@ -99,6 +101,25 @@ TEST_F(DepthImporter, WarnsOfMillimetres) {
   EXPECT_THAT(Import(options).ToText(), Not(HasSubstr("warning")));
 }
 
+TEST_F(DepthImporter, StoresRelativeMapsAsTheyAre) {
+  WriteFile(depth_path_ + "/b.npy",
+            internal::FormatNpyFloat({3, 2, {-2, -2, 4, -2, -2, 4}}));
+  DepthImportOptions options;
+  options.reading.type = DepthType::RELATIVE_DISPARITY;
+  ASSERT_EQ(Import(options).imported.size(), 1);
+  const DepthDatabase database(database_path_, DepthDatabase::Mode::READ_ONLY);
+  const KeypointDepths depths = database.ReadAllKeypointDepths().at(image_id2_);
+  EXPECT_EQ(depths.unit, kAffineDisparity);
+  EXPECT_THAT(depths.depths, ElementsAre(-2));
+  // Maps are positive in the database.
+  EXPECT_EQ(database.ReadDepthMap(image_id2_).At(0, 0), 1);
+
+  std::string error;
+  options.reading.scale = 0.001;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_THAT(error, HasSubstr("depth_scale"));
+}
+
 TEST_F(DepthImporter, StoresFocalLengthOfTheDepthModel) {
   const auto add = [&](const std::string& name,
                        const internal::DepthGrid& grid) {
@@ -169,6 +190,9 @@ TEST_F(DepthImporter, SummaryAsText) {
             "file without image: z.npy\n"
             "image without depth: b.jpg\n"
             "image without depth: c.jpg\n"
+            "warning: 2 of 3 images have no depth map, and depth helps pairs "
+            "of two images with maps alone: let the depth model run on all "
+            "images\n"
             "imported 1 of 3 images, 1 key points with depth (50.0 %)\n");
 }
 

@@ -133,7 +133,7 @@ class Options:
             if not self.has_colmap:
                 continue
             commands = ("feature_extractor", "model_aligner", "image_undistorter",
-                        "exhaustive_matcher")  # fmt: skip
+                        "exhaustive_matcher", "stereo_fusion")  # fmt: skip
             assert any(name in self.of_colmap(command) for command in commands), (
                 f"{page}: no command has --{name}"
             )

@@ -1,0 +1,187 @@
+#include "sfm/verification/depth_kind.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Core>
+
+namespace dgsfm {
+
+namespace {
+
+constexpr int kNumArrangements = 8;
+// Cells along each side of an image in which the nearest key point is looked
+// for; its distance is at most about one cell.
+constexpr int kNumCells = 48;
+constexpr size_t kMinNumPlaces = 30;
+constexpr size_t kMinNumImages = 3;
+// Concordance of maps that are right: those of networks have 0.6 to 0.95, other
+// arrangements of the same maps less than 0.4.
+constexpr double kMinConcordance = 0.4;
+// How much better the other kind or arrangement has to be.
+constexpr double kMinAdvantage = 0.3;
+
+// Where the map has the value of the image position (u, v), both in units of
+// width and height.
+Eigen::Vector2d PlaceInMap(int arrangement, double u, double v) {
+  switch (static_cast<MapArrangement>(arrangement)) {
+    case MapArrangement::AS_GIVEN:
+      break;
+    case MapArrangement::MIRRORED:
+      return {1 - u, v};
+    case MapArrangement::UPSIDE_DOWN:
+      return {u, 1 - v};
+    case MapArrangement::HALF_TURN:
+      return {1 - u, 1 - v};
+    case MapArrangement::TRANSPOSED:
+      return {v, u};
+    case MapArrangement::QUARTER_TURN:
+      return {1 - v, u};
+    case MapArrangement::QUARTER_TURN_3:
+      return {v, 1 - u};
+    case MapArrangement::ANTI_TRANSPOSED:
+      return {1 - v, 1 - u};
+  }
+  return {u, v};
+}
+
+std::string ArrangementText(int arrangement) {
+  switch (static_cast<MapArrangement>(arrangement)) {
+    case MapArrangement::AS_GIVEN:
+      return "as they are";
+    case MapArrangement::MIRRORED:
+      return "mirrored (left and right exchanged)";
+    case MapArrangement::UPSIDE_DOWN:
+      return "upside down (top and bottom exchanged)";
+    case MapArrangement::HALF_TURN:
+      return "turned by 180 degrees";
+    case MapArrangement::TRANSPOSED:
+      return "transposed (rows and columns exchanged)";
+    case MapArrangement::QUARTER_TURN:
+      return "turned by 90 degrees clockwise";
+    case MapArrangement::QUARTER_TURN_3:
+      return "turned by 90 degrees counter-clockwise";
+    case MapArrangement::ANTI_TRANSPOSED:
+      return "transposed and turned by 180 degrees";
+  }
+  return "unknown";
+}
+
+// Values of the map at any place, by the nearest key point.
+class NearestValues {
+ public:
+  NearestValues(const colmap::Image& image,
+                const colmap::Camera& camera,
+                const KeypointDepths& depths)
+      : size_(double(camera.Width()), double(camera.Height())) {
+    for (colmap::point2D_t i = 0; i < image.NumPoints2D(); ++i) {
+      const double value = depths.depths[i];
+      if (value == 0) continue;
+      const Eigen::Vector2d place = image.Point2D(i).XY().cwiseQuotient(size_);
+      cells_[CellOf(place.x()) + kNumCells * CellOf(place.y())].push_back(
+          {place, value});
+    }
+  }
+
+  Eigen::Vector2d PlaceOf(const Eigen::Vector2d& xy_px) const {
+    return xy_px.cwiseQuotient(size_);
+  }
+
+  // 0 if there is none near.
+  double At(const Eigen::Vector2d& place) const {
+    double nearest_distance = 1.0 / (kNumCells * kNumCells);
+    double value = 0;
+    for (int y = CellOf(place.y()) - 1; y <= CellOf(place.y()) + 1; ++y) {
+      for (int x = CellOf(place.x()) - 1; x <= CellOf(place.x()) + 1; ++x) {
+        if (x < 0 || y < 0 || x >= kNumCells || y >= kNumCells) continue;
+        for (const Entry& entry : cells_[x + kNumCells * y]) {
+          const double distance = (entry.place - place).squaredNorm();
+          if (distance < nearest_distance) {
+            nearest_distance = distance;
+            value = entry.value;
+          }
+        }
+      }
+    }
+    return value;
+  }
+
+ private:
+  struct Entry {
+    Eigen::Vector2d place;
+    double value = 0;
+  };
+
+  static int CellOf(double coordinate) {
+    return int(std::clamp(coordinate * kNumCells, 0.0, kNumCells - 1.0));
+  }
+
+  const Eigen::Vector2d size_;
+  std::array<std::vector<Entry>, kNumCells * kNumCells> cells_;
+};
+
+std::string KindRemedy(DepthUnit unit) {
+  if (unit == kAffineDisparity) {
+    return "their values grow with depth, as depth does: import them with "
+           "--depth_type relative_depth, or z if they are depth up to a factor";
+  }
+  return "their values fall with depth, as disparity does: import them with "
+         "--depth_type relative_disparity, or inverse if they are 1 / z";
+}
+
+}  // namespace
+
+std::vector<double> ConcordancesByArrangement(
+    const colmap::Image& image,
+    const colmap::Camera& camera,
+    const KeypointDepths& depths,
+    const std::vector<MeasuredDepth>& measured) {
+  const NearestValues values(image, camera, depths);
+  std::vector<double> concordances;
+  for (int k = 0; k < kNumArrangements; ++k) {
+    std::vector<AffineDepthSample> samples;
+    for (const MeasuredDepth& point : measured) {
+      const Eigen::Vector2d place =
+          values.PlaceOf(image.Point2D(point.point2D_idx).XY());
+      const double value = values.At(PlaceInMap(k, place.x(), place.y()));
+      if (value != 0 && point.depth > 0) {
+        samples.push_back({value, point.depth});
+      }
+    }
+    const double sign = depths.unit == kAffineDisparity ? -1 : 1;
+    concordances.push_back(
+        samples.size() < kMinNumPlaces ? 0 : sign * Concordance(samples));
+  }
+  return concordances;
+}
+
+std::string ExplainWrongKind(
+    DepthUnit unit, const std::vector<std::vector<double>>& concordances) {
+  if (concordances.size() < kMinNumImages) return "";
+  std::vector<double> means(kNumArrangements);
+  for (const std::vector<double>& of_image : concordances) {
+    for (int k = 0; k < kNumArrangements; ++k) {
+      means[k] += of_image[k] / double(concordances.size());
+    }
+  }
+  int best = 0;
+  for (int k = 1; k < kNumArrangements; ++k) {
+    if (std::abs(means[k]) > std::abs(means[best])) best = k;
+  }
+  if (std::abs(means[best]) < kMinConcordance ||
+      std::abs(means[best]) < means[0] + kMinAdvantage) {
+    return "";
+  }
+  if (best == 0) return KindRemedy(unit);
+  std::string text = "they fit the triangulated depths better if they are " +
+                     ArrangementText(best) +
+                     ": write them as the images are stored, or, where viewers "
+                     "turn the images "
+                     "by EXIF, import them with --displayed_image_path";
+  if (means[best] < 0) text += "; besides, " + KindRemedy(unit);
+  return text;
+}
+
+}  // namespace dgsfm

@@ -1,0 +1,40 @@
+// Whether depth maps are what they are said to be, by how their values go
+// together with triangulated depth.
+
+#pragma once
+
+#include "sfm/verification/relative_depth.h"
+
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+// How a map may lie on its image.
+enum class MapArrangement {
+  AS_GIVEN,
+  MIRRORED,     // left and right exchanged
+  UPSIDE_DOWN,  // top and bottom exchanged
+  HALF_TURN,
+  TRANSPOSED,      // rows and columns exchanged
+  QUARTER_TURN,    // clockwise
+  QUARTER_TURN_3,  // counter-clockwise
+  ANTI_TRANSPOSED,
+};
+
+// Concordances (see there) of the map of an image with measured depth, for a
+// way it may lie and for the kind it is said to be; the opposite kind has the
+// negative. 0 where too few places of the map are known: between key points,
+// the nearest one has the value.
+std::vector<double> ConcordancesByArrangement(
+    const colmap::Image& image,
+    const colmap::Camera& camera,
+    const KeypointDepths& depths,
+    const std::vector<MeasuredDepth>& measured);
+
+// What is wrong with the maps as a whole, with the remedy; empty if nothing
+// speaks against them. `concordances` has an element per image.
+std::string ExplainWrongKind(
+    DepthUnit unit, const std::vector<std::vector<double>>& concordances);
+
+}  // namespace dgsfm

@@ -1,0 +1,58 @@
+// Depth from maps whose scale and shift per image are unknown: relative
+// disparity and relative depth.
+
+#pragma once
+
+#include "colmap_ext/depth/affine_depth.h"
+#include "estimators/affine_depth_fit.h"
+#include "sfm/verification/pair_verification.h"
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+// The depth of a key point by other views [any unit, the same for an image].
+struct MeasuredDepth {
+  colmap::point2D_t point2D_idx = 0;
+  double depth = 0;
+};
+
+// What became of an affine map.
+struct RelativeDepthFit {
+  AffineDepthFit fit;
+  // What turns its values into depth, if fit.success: of about 1, or in the
+  // unit of a model.
+  AffineDepth affine;
+};
+using RelativeDepthFits = std::map<colmap::image_t, RelativeDepthFit>;
+
+// Whether any of the maps is affine.
+bool HasAffineDepths(const KeypointDepthMap& depths);
+
+// Fits the shifts of all affine maps of `depths` to what valid pairs
+// triangulate, which were verified without depth. All cameras of the scene
+// count as known.
+RelativeDepthFits FitRelativeDepths(const Scene& scene,
+                                    const PairGeometries& pairs,
+                                    const KeypointDepthMap& depths,
+                                    const AffineDepthFitOptions& options);
+
+// The fit of an affine map to depths of one unit, in that unit.
+RelativeDepthFit FitRelativeDepth(const KeypointDepths& depths,
+                                  const std::vector<MeasuredDepth>& measured);
+
+// Whether the maps, affine ones aside, are the reverse of depth: values fall
+// where the depth grows that valid pairs triangulate, in the mean of 3 or more
+// images. So do those of disparity that was imported as depth.
+bool DepthsFallWithDepth(const Scene& scene,
+                         const PairGeometries& pairs,
+                         const KeypointDepthMap& depths);
+
+// Turns the affine maps into depth, those without a usable fit leave. Returns
+// by what.
+AffineDepths ApplyRelativeDepthFits(const RelativeDepthFits& fits,
+                                    KeypointDepthMap* depths);
+
+}  // namespace dgsfm
