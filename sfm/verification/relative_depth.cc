@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -25,6 +26,8 @@ constexpr double kKeypointStddevPx = 0.7;
 constexpr double kMinConcordance = 0.4;
 constexpr size_t kMinNumImages = 3;
 constexpr size_t kMinNumSamples = 30;
+// More of an image say the same, and take memory.
+constexpr size_t kMaxNumPairsToJudge = 5;
 // Values this many standard deviations of the shift from it have no depth.
 constexpr double kMinShiftDeviations = 3;
 
@@ -105,20 +108,34 @@ AffineDepth AffineOf(const KeypointDepths& depths, const AffineDepthFit& fit) {
 // Samples of each image, by pairs.
 using ImageSamples = std::map<colmap::image_t, std::vector<Samples>>;
 
+bool HasPairs(const ImageSamples& samples,
+              colmap::image_t image_id,
+              size_t num_pairs) {
+  const auto found = samples.find(image_id);
+  return found != samples.end() && found->second.size() >= num_pairs;
+}
+
 template <typename IsWanted>
 ImageSamples CollectSamples(const Scene& scene,
                             const PairGeometries& pairs,
                             const KeypointDepthMap& depths,
+                            size_t max_num_pairs,
                             const IsWanted& is_wanted) {
   ImageSamples samples;
   for (const auto& [pair_id, pair] : pairs) {
-    if (!Triangulates(pair)) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (!Triangulates(pair) || (HasPairs(samples, image_id1, max_num_pairs) &&
+                                HasPairs(samples, image_id2, max_num_pairs))) {
+      continue;
+    }
     const auto triangulated = TriangulatePair(scene, pair_id, pair);
     for (const bool is_first : {true, false}) {
       const colmap::image_t image_id = is_first ? image_id1 : image_id2;
       const auto found = depths.find(image_id);
-      if (found == depths.end() || !is_wanted(found->second)) continue;
+      if (found == depths.end() || !is_wanted(found->second) ||
+          HasPairs(samples, image_id, max_num_pairs)) {
+        continue;
+      }
       Samples of_pair;
       for (const TriangulatedMatch& point : triangulated) {
         AddSample(
@@ -145,10 +162,12 @@ RelativeDepthFits FitRelativeDepths(const Scene& scene,
                                     const PairGeometries& pairs,
                                     const KeypointDepthMap& depths,
                                     const AffineDepthFitOptions& options) {
-  ImageSamples samples =
-      CollectSamples(scene, pairs, depths, [](const KeypointDepths& image) {
-        return IsAffine(image.unit);
-      });
+  ImageSamples samples = CollectSamples(
+      scene,
+      pairs,
+      depths,
+      /*max_num_pairs=*/std::numeric_limits<size_t>::max(),
+      [](const KeypointDepths& image) { return IsAffine(image.unit); });
   RelativeDepthFits fits;
   for (const auto& [image_id, image_depths] : depths) {
     if (!IsAffine(image_depths.unit)) continue;
@@ -178,10 +197,12 @@ RelativeDepthFit FitRelativeDepth(const KeypointDepths& depths,
 bool DepthsFallWithDepth(const Scene& scene,
                          const PairGeometries& pairs,
                          const KeypointDepthMap& depths) {
-  const ImageSamples samples =
-      CollectSamples(scene, pairs, depths, [](const KeypointDepths& image) {
-        return !IsAffine(image.unit);
-      });
+  const ImageSamples samples = CollectSamples(
+      scene,
+      pairs,
+      depths,
+      kMaxNumPairsToJudge,
+      [](const KeypointDepths& image) { return !IsAffine(image.unit); });
   double sum = 0;
   size_t num_images = 0;
   for (const auto& [image_id, of_pairs] : samples) {
