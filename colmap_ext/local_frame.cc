@@ -43,22 +43,11 @@ Eigen::Vector3d LocalFrame::FromGeodetic(
 }
 
 GeodeticPosition LocalFrame::ToGeodetic(const Eigen::Vector3d& local) const {
-  const Eigen::Vector3d ecef =
-      local_from_ecef_.transpose() * local + origin_in_ecef_;
-  // Newton steps in local coordinates: exact within rounding after a few.
-  GeodeticPosition position = origin_;
-  for (int i = 0; i < 10; ++i) {
-    const LocalFrame frame(position);
-    const Eigen::Vector3d step =
-        frame.local_from_ecef_ * (ecef - frame.origin_in_ecef_);
-    constexpr double kMetresPerDegree = 111319.49;
-    position.latitude_deg += step.y() / kMetresPerDegree;
-    position.longitude_deg +=
-        step.x() /
-        (kMetresPerDegree * std::cos(position.latitude_deg * M_PI / 180));
-    position.altitude_m += step.z();
-  }
-  return position;
+  const Eigen::Vector3d position =
+      colmap::GPSTransform(colmap::GPSTransform::WGS84)
+          .XYZToEll(
+              {local_from_ecef_.transpose() * local + origin_in_ecef_})[0];
+  return {position.x(), position.y(), position.z()};
 }
 
 Eigen::Matrix4d LocalFrame::EcefFromLocal() const {

@@ -16,7 +16,7 @@
 namespace dgsfm {
 
 // The model of the undistorted images in a workspace. Throws std::runtime_error
-// with the remedy if the folder is no workspace.
+// with the remedy if the folder has another content.
 std::string WorkspaceModelPath(const std::string& workspace_path);
 
 // File of an image's depth map in the workspace.

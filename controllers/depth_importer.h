@@ -43,7 +43,8 @@ struct DepthImportSummary {
     double coverage = 0;  // share of map pixels with known depth
     size_t num_keypoints = 0;
     size_t num_keypoints_with_depth = 0;
-    // Of these [unit of depth], or of the numbers of relative maps.
+    // Median depth of these key points [unit of depth]; of relative maps, the
+    // median value.
     double median_depth = 0;
     bool is_relative = false;    // relative disparity or relative depth
     double focal_length_px = 0;  // by the depth model, 0 = unknown

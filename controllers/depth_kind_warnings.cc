@@ -13,7 +13,8 @@ constexpr double kMaxMetricDepth = 200;
 constexpr double kMaxOfEightBits = 255;
 // Pictures of depth use most of their levels.
 constexpr double kMinLevelsOfPicture = 100;
-// Share of pixels at the largest value beyond which it is no depth [1].
+// Share of pixels at the largest value beyond which that value marks the sky or
+// the reach of a sensor [1].
 constexpr double kMaxShareAtMax = 0.02;
 // Median over the maps of the ratio of their lowest third to the uppermost, or
 // its inverse, beyond which they look like the other kind: 0.4 to 1.05 for

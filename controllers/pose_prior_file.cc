@@ -34,7 +34,7 @@ std::vector<std::string> SplitLine(const std::string& line) {
   return fields;
 }
 
-// Throws on what is no number.
+// Throws std::runtime_error for other text.
 double ParseNumber(const std::string& text, const std::string& place) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);

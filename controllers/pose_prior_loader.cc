@@ -274,7 +274,8 @@ PosePrior PriorOf(const PosePriorOptions& options,
   return prior;
 }
 
-// Empty if a longitude is no possible latitude.
+// Priors with latitude and longitude exchanged; empty if a longitude lies
+// beyond 90 degrees.
 PosePriors SwappedPriors(const PosePriorOptions& options, GivenPoses poses) {
   for (auto& [image_id, pose] : poses) {
     if (!pose.position) continue;

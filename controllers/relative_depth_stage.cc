@@ -45,15 +45,12 @@ PairSizes SelectPairs(PairSizes pairs, const KeypointDepthMap& depths) {
   return selected;
 }
 
-// Pairs verified without depth.
-PairGeometries VerifyWithoutDepth(const DepthGeometricVerifierOptions& options,
-                                  const Scene& scene,
-                                  const PairSizes& pairs) {
-  DepthGeometricVerifierOptions without_depth = options;
-  without_depth.use_depth = false;
+// `options` are without depth.
+PairGeometries VerifyPairs(const DepthGeometricVerifierOptions& options,
+                           const Scene& scene,
+                           const PairSizes& pairs) {
   const KeypointDepthMap no_depths;
-  DatabasePairVerifier verifier =
-      CreatePairVerifier(without_depth, scene, no_depths);
+  DatabasePairVerifier verifier = CreatePairVerifier(options, scene, no_depths);
   PairGeometries geometries;
   verifier.Verify(pairs, [&](colmap::image_pair_t pair_id, PairGeometry pair) {
     RestrictInliers(scene.kept_keypoints, pair_id, &pair);
@@ -62,19 +59,16 @@ PairGeometries VerifyWithoutDepth(const DepthGeometricVerifierOptions& options,
   return geometries;
 }
 
-// Verified with averaged focal lengths, which the cameras of the scene have
-// from then on.
-PairGeometries VerifyWithAveragedFocals(
-    const DepthGeometricVerifierOptions& options,
-    const KeypointDepthMap& depths,
-    Scene* scene) {
+// Pairs of the images of `depths`, verified without depth and with averaged
+// focal lengths, which the cameras of the scene have from then on.
+PairGeometries VerifyWithAveragedFocals(DepthGeometricVerifierOptions options,
+                                        const KeypointDepthMap& depths,
+                                        Scene* scene) {
+  options.use_depth = false;
   const KeypointDepthMap no_depths;
-  DepthGeometricVerifierOptions without_depth = options;
-  without_depth.use_depth = false;
   const PairSizes selected = SelectPairs(
-      CreatePairVerifier(without_depth, *scene, no_depths).Compare({}).work,
-      depths);
-  PairGeometries pairs = VerifyWithoutDepth(options, *scene, selected);
+      CreatePairVerifier(options, *scene, no_depths).Compare({}).work, depths);
+  PairGeometries pairs = VerifyPairs(options, *scene, selected);
   AverageFocalsOfCameras(pairs, /*relate_cameras=*/true, scene);
   bool are_known = true;
   for (auto& [camera_id, camera] : scene->cameras) {
@@ -82,7 +76,7 @@ PairGeometries VerifyWithAveragedFocals(
     camera.SetPriorFocalLength(true);
   }
   if (are_known) return pairs;
-  return VerifyWithoutDepth(options, *scene, selected);
+  return VerifyPairs(options, *scene, selected);
 }
 
 void WarnOfUnusedMaps(const Scene& scene, const RelativeDepthFits& fits) {

@@ -70,7 +70,7 @@ std::vector<DepthCorrespondence> FindDepthCorrespondences(
 bool ConvertByPoints(const SparseModel& model,
                      const std::string& image_name,
                      DepthMap* depth_map) {
-  const bool is_disparity = depth_map->unit == kAffineDisparity;
+  const bool is_disparity = depth_map->unit == DepthUnit::AFFINE_DISPARITY;
   std::vector<AffineDepthSample> samples;
   for (const DepthCorrespondence& point :
        FindDepthCorrespondences(model, image_name, *depth_map)) {

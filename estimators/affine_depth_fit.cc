@@ -27,15 +27,8 @@ constexpr double kCauchyWidth = 2;
 // Smooth errors make the places of a pair as good as so many independent ones:
 // the shifts of maps of a set of photos scatter accordingly.
 constexpr double kNumIndependent = 10;
-// Concordance below which pairs are no evidence of a shift.
+// Concordance below which pairs determine no shift.
 constexpr double kMinConcordance = 0.2;
-
-double Quantile(std::vector<double> values, double share) {
-  const auto nth =
-      values.begin() + static_cast<ptrdiff_t>(share * (values.size() - 1));
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
 
 std::vector<double> ValuesOf(const Samples& samples) {
   std::vector<double> values;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <utility>
 
 namespace dgsfm {
@@ -14,6 +15,14 @@ double Median(std::vector<double> values) {
   std::nth_element(values.begin(), middle, values.end());
   if (values.size() % 2 == 1) return *middle;
   return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+double Quantile(std::vector<double> values, double share) {
+  DGSFM_CHECK(!values.empty());
+  const auto place = values.begin() +
+                     static_cast<ptrdiff_t>(share * double(values.size() - 1));
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
 }
 
 double RobustStddev(std::vector<double> values, double center) {

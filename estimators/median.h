@@ -15,6 +15,10 @@ constexpr double kMaxDeviation = 3;
 // std::invalid_argument if there are none.
 double Median(std::vector<double> values);
 
+// The value below which this share of the others lies [0 to 1]. Throws as
+// Median does.
+double Quantile(std::vector<double> values, double share);
+
 // Standard deviation of normally distributed values by their median absolute
 // deviation from a centre. Throws as Median does.
 double RobustStddev(std::vector<double> values, double center);

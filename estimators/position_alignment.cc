@@ -48,13 +48,6 @@ std::vector<double> ErrorsOf(const Similarity3d& target_from_source,
   return errors;
 }
 
-double Quantile(std::vector<double> values) {
-  const auto place =
-      values.begin() + static_cast<int>(kQuantile * (values.size() - 1));
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
-}
-
 // Closed form of three matches [Umeyama 1991] and of the direction, which
 // counts as one of them.
 std::optional<Similarity3d> AlignThree(
@@ -116,7 +109,7 @@ std::optional<Similarity3d> BestOfSamples(
                    options.fixed_scale,
                    up);
     if (!sample) continue;
-    const double error = Quantile(ErrorsOf(*sample, matches));
+    const double error = Quantile(ErrorsOf(*sample, matches), kQuantile);
     if (error < best_error) {
       best_error = error;
       best = sample;

@@ -75,7 +75,7 @@ DepthUnit CheckedUnit(const SqliteConnection& connection,
                       int64_t unit,
                       const std::string& image_name) {
   if (unit < static_cast<int>(DepthUnit::METRIC) ||
-      unit > static_cast<int>(kAffineDepth)) {
+      unit > static_cast<int>(DepthUnit::AFFINE_DEPTH)) {
     throw connection.Error()
         << "image " << image_name << ": unknown depth unit " << unit
         << "; use the version of the program that wrote it";

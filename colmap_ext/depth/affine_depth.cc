@@ -68,16 +68,16 @@ float SampleAt(const DepthMap& depth_map,
 }  // namespace
 
 bool IsAffine(DepthUnit unit) {
-  return unit == kAffineDisparity || unit == kAffineDepth;
+  return unit == DepthUnit::AFFINE_DISPARITY || unit == DepthUnit::AFFINE_DEPTH;
 }
 
 float ConvertAffine(const AffineDepth& affine, float value) {
   if (value == 0) return 0;
   const double difference = value - affine.shift;
   if (!(difference > std::max(affine.min_difference, 0.0))) return 0;
-  const auto depth = static_cast<float>(affine.unit == kAffineDisparity
-                                            ? affine.scale / difference
-                                            : difference / affine.scale);
+  const auto depth = static_cast<float>(
+      affine.unit == DepthUnit::AFFINE_DISPARITY ? affine.scale / difference
+                                                 : difference / affine.scale);
   return std::isfinite(depth) ? depth : 0;
 }
 

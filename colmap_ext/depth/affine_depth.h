@@ -12,20 +12,14 @@
 
 namespace dgsfm {
 
-// Units besides those of DepthUnit, as databases store them: a / z + b and
-// a z + b with unknown a > 0 and b per image. Maps of these units have values
-// of any sign, of which 0 is unknown.
-constexpr DepthUnit kAffineDisparity = static_cast<DepthUnit>(2);
-constexpr DepthUnit kAffineDepth = static_cast<DepthUnit>(3);
-
 // Whether scale and shift of the values are unknown.
 bool IsAffine(DepthUnit unit);
 
 // How depth z follows from the values v of an affine map:
-//   kAffineDisparity: z = scale / (v - shift),
-//   kAffineDepth:     z = (v - shift) / scale.
+//   AFFINE_DISPARITY: z = scale / (v - shift),
+//   AFFINE_DEPTH:     z = (v - shift) / scale.
 struct AffineDepth {
-  DepthUnit unit = kAffineDisparity;
+  DepthUnit unit = DepthUnit::AFFINE_DISPARITY;
   double scale = 1;  // positive
   double shift = 0;
   // Depth is unknown where v - shift is not above this: its error is as large

@@ -12,8 +12,16 @@
 namespace dgsfm {
 
 // What one unit of a depth map means. METRIC: metres (sensors, metric
-// networks). RELATIVE: an unknown factor per image.
-enum class DepthUnit { METRIC = 0, RELATIVE = 1 };
+// networks). RELATIVE: an unknown factor per image. AFFINE_DISPARITY and
+// AFFINE_DEPTH: values are a / z + b and a z + b of depth z, with a > 0 and b
+// unknown per image, of any sign, of which 0 alone is unknown (affine_depth.h).
+// Databases store the numbers.
+enum class DepthUnit {
+  METRIC = 0,
+  RELATIVE = 1,
+  AFFINE_DISPARITY = 2,
+  AFFINE_DEPTH = 3,
+};
 
 // Largest width and height of a depth map: bounds what a damaged file or
 // database can make us allocate.

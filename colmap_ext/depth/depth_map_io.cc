@@ -86,7 +86,7 @@ void MultiplyRayCosines(const colmap::Camera& camera, DepthGrid* grid) {
   }
 }
 
-// Turns what is no depth into unknown depth; returns the number of the others.
+// Makes values unknown that no depth has; returns the number of known ones.
 size_t CleanDepths(double max_depth, std::vector<float>* depths) {
   constexpr float kMaxFloat = std::numeric_limits<float>::max();
   const float bound = max_depth > 0 && max_depth < kMaxFloat
@@ -102,8 +102,7 @@ size_t CleanDepths(double max_depth, std::vector<float>* depths) {
   return num_known;
 }
 
-// Turns what is no number into unknown values; returns the number of the
-// others.
+// Makes infinite values and NaN unknown; returns the number of known values.
 size_t CleanAffineValues(std::vector<float>* values) {
   size_t num_known = 0;
   for (float& value : *values) {
@@ -116,9 +115,9 @@ size_t CleanAffineValues(std::vector<float>* values) {
 DepthUnit UnitOf(const DepthReadOptions& options) {
   switch (options.type) {
     case DepthType::RELATIVE_DISPARITY:
-      return kAffineDisparity;
+      return DepthUnit::AFFINE_DISPARITY;
     case DepthType::RELATIVE_DEPTH:
-      return kAffineDepth;
+      return DepthUnit::AFFINE_DEPTH;
     default:
       return options.unit;
   }

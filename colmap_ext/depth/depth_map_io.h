@@ -31,7 +31,8 @@ struct DepthReadOptions {
   // Depth is scale * number, for INVERSE scale / number. The default takes the
   // numbers of every format, PNG included, as they are.
   double scale = 1;
-  // Of relative disparity and depth, which have no unit, without meaning.
+  // Unit of the depth. Relative disparity and relative depth have none and
+  // ignore it.
   DepthUnit unit = DepthUnit::METRIC;
   // Farther is unknown [unit of depth, after scaling]; 0 for no bound.
   double max_depth = 0;

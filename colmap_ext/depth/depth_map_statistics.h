@@ -23,7 +23,7 @@ struct DepthMapStatistics {
   double lower_to_upper = 1;
 };
 
-// Of the known values; all zero if there are none.
+// Measures the known values; the result is all zero if there are none.
 DepthMapStatistics MeasureDepthMap(const DepthMap& depth_map);
 
 }  // namespace dgsfm

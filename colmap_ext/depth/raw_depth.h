@@ -22,7 +22,8 @@ struct RawDepth {
 // "width x height".
 std::string FormatSize(size_t width, size_t height);
 
-// Of relative types, pictures too. Throws std::runtime_error with the reason.
+// Reads a file; pictures only for relative types. Throws std::runtime_error
+// with the reason.
 RawDepth ReadRawDepth(const DepthFile& file, DepthType type);
 
 // Makes depth 0 where mask, confidence or uncertainty exclude it. Throws if

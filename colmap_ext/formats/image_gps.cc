@@ -17,8 +17,8 @@ FITAG* FindTag(const ImageFile& header, const char* name) {
   return tag;
 }
 
-// Rational numbers of a tag; empty if there is no such tag, not finite where
-// the denominator is zero.
+// Rational numbers of a tag; empty without the tag, not finite where the
+// denominator is zero.
 std::vector<double> ReadRationals(const ImageFile& header, const char* name) {
   std::vector<double> values;
   FITAG* tag = FindTag(header, name);

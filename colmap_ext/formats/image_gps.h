@@ -17,7 +17,7 @@ struct ImageGps {
 };
 
 // Nothing if the photo has no latitude and longitude. Throws std::runtime_error
-// naming the file if it is no readable image.
+// naming the file if it cannot be read as an image.
 std::optional<ImageGps> ReadImageGps(const std::string& path);
 
 }  // namespace dgsfm

@@ -177,7 +177,7 @@ GrayPicture ParseGrayPicture(std::string bytes) {
   picture.max_value = value_size == 1 ? 255 : 65535;
   const size_t num_values = size_t(grid.width) * grid.height;
   const size_t num_bytes = value_size * num_channels * num_values;
-  // Of one bit a pixel at least.
+  // A pixel takes at least one bit.
   CheckExpansion(num_values / 8, session.bytes.size());
   std::vector<uint8_t> pixels(num_bytes);
   std::vector<png_bytep> rows = FindRows(&pixels, grid.height);

@@ -21,7 +21,7 @@ class ReducedSystem {
   // Entries of a factor that is formed: 1.6 GB.
   static constexpr double kMaxNumFactorEntries = 2e8;
 
-  // Is given pairs of columns.
+  // Takes a pair of columns.
   using Coupling = std::function<void(int column1, int column2)>;
   // Calls its argument with pairs of columns whose entries may be non-zero, in
   // either order and any number of times.
@@ -40,7 +40,7 @@ class ReducedSystem {
   int64_t EntryOf(int column1, int column2) const;
   // Adds a square block, of the columns of one camera by those of another and
   // column by column, to the entries of their columns; those below 0 have none.
-  // Of a block on the diagonal the upper triangle counts alone.
+  // A block on the diagonal counts by its upper triangle alone.
   void AddBlock(const int* columns1,
                 const int* columns2,
                 int size,

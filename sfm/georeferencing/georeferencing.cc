@@ -60,7 +60,7 @@ std::optional<DepthScaleOfModel> MeasureDepthScale(
                                                double(log_scales.size()))))};
 }
 
-// The root of the mean squared distance of the positions from their median.
+// Median horizontal distance of the positions from their median [m].
 double ExtentOf(const PosePriors& priors, const colmap::Reconstruction& model) {
   std::vector<double> xs, ys, distances;
   for (const auto& [image_id, prior] : priors) {
@@ -142,8 +142,8 @@ double SpreadOf(const CenterPriors& priors,
   return SpreadOfErrors(CenterErrors(priors, model));
 }
 
-// Standard deviations that the given ones must be multiplied with to explain
-// the errors: more than they say, or, where they are guesses, less.
+// Factor of the given standard deviations with which they explain the errors:
+// above one, or, where they are guesses, below.
 double StddevFactor(const PosePriors& priors, double spread) {
   const size_t num_known =
       std::count_if(priors.begin(), priors.end(), [](const auto& prior) {
@@ -155,18 +155,12 @@ double StddevFactor(const PosePriors& priors, double spread) {
 void MeasureErrors(const PosePriors& priors,
                    const colmap::Reconstruction& model,
                    ModelGeoreference* result) {
-  std::vector<double> horizontal, vertical;
   for (const auto& [image_id, center] : CentersOf(model)) {
     const auto prior = priors.find(image_id);
     if (prior == priors.end() || !prior->second.HasPosition()) continue;
-    const Eigen::Vector3d error = center - prior->second.position;
-    result->errors[image_id] = error;
-    horizontal.push_back(error.head<2>().norm());
-    vertical.push_back(std::abs(error.z()));
+    result->errors[image_id] = center - prior->second.position;
   }
-  if (horizontal.empty()) return;
-  result->median_horizontal_error_m = Median(horizontal);
-  result->median_vertical_error_m = Median(vertical);
+  result->MeasureErrors();
 }
 
 void DescribeAlignment(const PositionAlignment& alignment,

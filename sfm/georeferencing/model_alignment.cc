@@ -1,9 +1,13 @@
 #include "sfm/georeferencing/model_alignment.h"
 
 #include "colmap_ext/pose_access.h"
+#include "estimators/median.h"
 #include "sfm/mapping/model_access.h"
 
 #include <colmap/base/similarity_transform.h>
+
+#include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
@@ -40,6 +44,17 @@ Eigen::Matrix3d SqrtInformation(const Eigen::Matrix3d& covariance) {
 }
 
 }  // namespace
+
+void ModelGeoreference::MeasureErrors() {
+  if (errors.empty()) return;
+  std::vector<double> horizontal, vertical;
+  for (const auto& [image_id, error] : errors) {
+    horizontal.push_back(error.head<2>().norm());
+    vertical.push_back(std::abs(error.z()));
+  }
+  median_horizontal_error_m = Median(std::move(horizontal));
+  median_vertical_error_m = Median(std::move(vertical));
+}
 
 std::string ScaleSourceName(ScaleSource source) {
   switch (source) {

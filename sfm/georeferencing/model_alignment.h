@@ -48,6 +48,9 @@ struct ModelGeoreference {
   std::vector<size_t> part_sizes;
   // Center of each image minus its position [m].
   std::map<colmap::image_t, Eigen::Vector3d> errors;
+
+  // Sets the median errors by `errors`.
+  void MeasureErrors();
 };
 
 // Vertical of the model by gravity or by how its cameras are held.

@@ -1,6 +1,5 @@
 #include "sfm/georeferencing/model_joining.h"
 
-#include "estimators/median.h"
 #include "sfm/mapping/model_access.h"
 
 #include <algorithm>
@@ -70,14 +69,7 @@ void AddGeoreference(const ModelGeoreference& added,
       std::max(joined->rotation_stddev_deg, added.rotation_stddev_deg);
   joined->spread = std::max(joined->spread, added.spread);
   joined->errors.insert(added.errors.begin(), added.errors.end());
-  std::vector<double> horizontal, vertical;
-  for (const auto& [image_id, error] : joined->errors) {
-    horizontal.push_back(error.head<2>().norm());
-    vertical.push_back(std::abs(error.z()));
-  }
-  if (horizontal.empty()) return;
-  joined->median_horizontal_error_m = Median(horizontal);
-  joined->median_vertical_error_m = Median(vertical);
+  joined->MeasureErrors();
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ struct UndistortedKeypoint {
 
 using UndistortedKeypoints = std::vector<UndistortedKeypoint>;
 
-// Of each registered image.
+// Key points of each registered image.
 std::map<colmap::image_t, UndistortedKeypoints> UndistortKeypoints(
     const colmap::Reconstruction& model, int num_threads) {
   const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);

@@ -79,11 +79,11 @@ class FeatureSets {
 
   // First feature of each image.
   std::vector<int> begin_;
-  // Of each feature: its image, its parent, and the next one of its set.
+  // Image and parent of each feature, and the next feature of its set.
   std::vector<int> images_;
   std::vector<int> parents_;
   std::vector<int> next_;
-  // Of each root: the first feature and the number of those of its set.
+  // First feature and number of features in the set of each root.
   std::vector<int> first_;
   std::vector<int> sizes_;
 };

@@ -15,11 +15,6 @@ constexpr int kNumArrangements = 8;
 // Cells along each side of an image in which the nearest key point is looked
 // for; its distance is at most about one cell.
 constexpr int kNumCells = 48;
-constexpr size_t kMinNumPlaces = 30;
-constexpr size_t kMinNumImages = 3;
-// Concordance of maps that are right: those of networks have 0.6 to 0.95, other
-// arrangements of the same maps less than 0.4.
-constexpr double kMinConcordance = 0.4;
 // How much better the other kind or arrangement has to be.
 constexpr double kMinAdvantage = 0.3;
 
@@ -123,7 +118,7 @@ class NearestValues {
 };
 
 std::string KindRemedy(DepthUnit unit) {
-  if (unit == kAffineDisparity) {
+  if (unit == DepthUnit::AFFINE_DISPARITY) {
     return "their values grow with depth, as depth does: import them with "
            "--depth_type relative_depth, or z if they are depth up to a factor";
   }
@@ -150,16 +145,16 @@ std::vector<double> ConcordancesByArrangement(
         samples.push_back({value, point.depth});
       }
     }
-    const double sign = depths.unit == kAffineDisparity ? -1 : 1;
+    const double sign = depths.unit == DepthUnit::AFFINE_DISPARITY ? -1 : 1;
     concordances.push_back(
-        samples.size() < kMinNumPlaces ? 0 : sign * Concordance(samples));
+        samples.size() < kMinNumJudgedPlaces ? 0 : sign * Concordance(samples));
   }
   return concordances;
 }
 
 std::string ExplainWrongKind(
     DepthUnit unit, const std::vector<std::vector<double>>& concordances) {
-  if (concordances.size() < kMinNumImages) return "";
+  if (concordances.size() < kMinNumJudgedImages) return "";
   std::vector<double> means(kNumArrangements);
   for (const std::vector<double>& of_image : concordances) {
     for (int k = 0; k < kNumArrangements; ++k) {
@@ -170,7 +165,7 @@ std::string ExplainWrongKind(
   for (int k = 1; k < kNumArrangements; ++k) {
     if (std::abs(means[k]) > std::abs(means[best])) best = k;
   }
-  if (std::abs(means[best]) < kMinConcordance ||
+  if (std::abs(means[best]) < kMinMeanConcordance ||
       std::abs(means[best]) < means[0] + kMinAdvantage) {
     return "";
   }

@@ -32,8 +32,8 @@ std::vector<double> ConcordancesByArrangement(
     const KeypointDepths& depths,
     const std::vector<MeasuredDepth>& measured);
 
-// What is wrong with the maps as a whole, with the remedy; empty if nothing
-// speaks against them. `concordances` has an element per image.
+// What is wrong with the maps as a whole, with the remedy; empty if they are
+// right. `concordances` has an element per image.
 std::string ExplainWrongKind(
     DepthUnit unit, const std::vector<std::vector<double>>& concordances);
 

@@ -16,17 +16,12 @@ namespace {
 
 using Samples = std::vector<AffineDepthSample>;
 
-// Places whose triangulated depth is less certain than this say little about
+// Places whose triangulated depth is less certain than this hardly determine
 // the shift and bias it [1].
 constexpr double kMaxDepthError = 0.05;
 // Standard deviation of a key point [px].
 constexpr double kKeypointStddevPx = 0.7;
-// Mean concordance, over images, of maps that are the reverse of depth: as for
-// the warnings about finished models.
-constexpr double kMinConcordance = 0.4;
-constexpr size_t kMinNumImages = 3;
-constexpr size_t kMinNumSamples = 30;
-// More of an image say the same, and take memory.
+// Further pairs of an image show the same, and take memory.
 constexpr size_t kMaxNumPairsToJudge = 5;
 // Values this many standard deviations of the shift from it have no depth.
 constexpr double kMinShiftDeviations = 3;
@@ -69,7 +64,7 @@ std::vector<TriangulatedMatch> TriangulatePair(const Scene& scene,
   return triangulated;
 }
 
-// Pairs whose pose is no evidence of depth without knowing it.
+// Whether the pose of a pair, estimated without depth, determines depths.
 bool Triangulates(const PairGeometry& pair) {
   return pair.status == PairStatus::VALID &&
          !pair.Has(PairDegeneracy::ROTATION_ONLY) &&
@@ -82,7 +77,8 @@ void AddSample(const KeypointDepths& depths,
                Samples* samples) {
   const double value = depths.depths.at(point2D_idx);
   if (value == 0) return;
-  const double predictor = depths.unit == kAffineDisparity ? 1 / depth : depth;
+  const double predictor =
+      depths.unit == DepthUnit::AFFINE_DISPARITY ? 1 / depth : depth;
   if (std::isfinite(predictor) && predictor > 0) {
     samples->push_back({value, predictor});
   }
@@ -212,12 +208,12 @@ bool DepthsFallWithDepth(const Scene& scene,
       sum_of_image += double(of_pair.size()) * Concordance(of_pair);
       num_samples += of_pair.size();
     }
-    if (num_samples < kMinNumSamples) continue;
+    if (num_samples < kMinNumJudgedPlaces) continue;
     sum += sum_of_image / double(num_samples);
     ++num_images;
   }
-  return num_images >= kMinNumImages &&
-         sum < -kMinConcordance * double(num_images);
+  return num_images >= kMinNumJudgedImages &&
+         sum < -kMinMeanConcordance * double(num_images);
 }
 
 AffineDepths ApplyRelativeDepthFits(const RelativeDepthFits& fits,

@@ -19,6 +19,14 @@ struct MeasuredDepth {
   double depth = 0;
 };
 
+// Mean concordance over images beyond which maps are of the kind, and lie on
+// their images in the way, that it is measured for: right ones have 0.6 to
+// 0.95, other arrangements of the same maps less.
+constexpr double kMinMeanConcordance = 0.4;
+// With fewer places of an image, or fewer images, it shows nothing.
+constexpr size_t kMinNumJudgedPlaces = 30;
+constexpr size_t kMinNumJudgedImages = 3;
+
 // What became of an affine map.
 struct RelativeDepthFit {
   AffineDepthFit fit;

@@ -24,8 +24,8 @@ constexpr double kMaxMotion = 3;
 // Share of valid pairs that see one plane beyond which a warning is due.
 constexpr double kMaxPlanarShare = 0.8;
 
-// Relative difference from averaged focal lengths that is no reason to verify a
-// pair again: calibrated ones are not better.
+// Relative difference from averaged focal lengths up to which pairs are not
+// verified again: calibrated ones are not better.
 constexpr double kMaxFocalDifference = 0.01;
 
 // Whether the focal lengths of a pair may be far off: without depth, or where

@@ -109,7 +109,7 @@ TEST_F(DepthImporter, StoresRelativeMapsAsTheyAre) {
   ASSERT_EQ(Import(options).imported.size(), 1);
   const DepthDatabase database(database_path_, DepthDatabase::Mode::READ_ONLY);
   const KeypointDepths depths = database.ReadAllKeypointDepths().at(image_id2_);
-  EXPECT_EQ(depths.unit, kAffineDisparity);
+  EXPECT_EQ(depths.unit, DepthUnit::AFFINE_DISPARITY);
   EXPECT_THAT(depths.depths, ElementsAre(-2));
   // Maps are positive in the database.
   EXPECT_EQ(database.ReadDepthMap(image_id2_).At(0, 0), 1);

@@ -36,7 +36,7 @@ class RelativeDepthStage : public testing::Test {
       const double shift = -40 + 10 * double(image_id);
       shifts_[image_id] = shift;
       KeypointDepths relative = depths;
-      relative.unit = kAffineDisparity;
+      relative.unit = DepthUnit::AFFINE_DISPARITY;
       for (float& depth : relative.depths) {
         if (depth > 0) depth = float(std::round(scale / depth + shift));
       }
@@ -51,6 +51,18 @@ class RelativeDepthStage : public testing::Test {
     std::vector<StageReport> stages;
     *depths = LoadDepths(options_, {}, &stages);
     return ConvertRelativeDepths(options_, &scene, depths, &stages);
+  }
+
+  // The report of the mapper.
+  nlohmann::json MapDatabase() {
+    const std::vector<std::string> arguments = {"--database_path",
+                                                path_,
+                                                "--output_path",
+                                                dir_ + "/models",
+                                                "--num_threads",
+                                                "1"};
+    EXPECT_EQ(RunForTest(&RunDepthGlobalMapper, arguments).code, 0);
+    return nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
   }
 
   std::string dir_;
@@ -75,7 +87,7 @@ TEST_F(RelativeDepthStage, MapsBecomeDepthUpToAFactor) {
 TEST_F(RelativeDepthStage, MapsOfTheOtherKindAreNotUsed) {
   DepthDatabase database(path_, DepthDatabase::Mode::READ_WRITE);
   for (auto& [image_id, depths] : given_) {
-    depths.unit = kAffineDisparity;
+    depths.unit = DepthUnit::AFFINE_DISPARITY;
     database.WriteKeypointDepths(image_id, depths);
   }
   KeypointDepthMap depths;
@@ -87,15 +99,7 @@ TEST_F(RelativeDepthStage, MapsOfTheOtherKindAreNotUsed) {
 
 TEST_F(RelativeDepthStage, MapperTakesTheStoredPairsOfTheVerifier) {
   VerifyDatabasePairs(options_);
-  const std::vector<std::string> arguments = {"--database_path",
-                                              path_,
-                                              "--output_path",
-                                              dir_ + "/models",
-                                              "--num_threads",
-                                              "1"};
-  ASSERT_EQ(RunForTest(&RunDepthGlobalMapper, arguments).code, 0);
-  const auto report =
-      nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+  const nlohmann::json report = MapDatabase();
   for (const auto& stage : report["stages"]) {
     if (stage["stage"] == "pair_verification") {
       EXPECT_EQ(stage["kept"], report["view_graph"].size());
@@ -117,15 +121,7 @@ TEST_F(RelativeDepthStage, MapperNamesTheKindThatFits) {
     }
     database.WriteKeypointDepths(image_id, depths);
   }
-  const std::vector<std::string> arguments = {"--database_path",
-                                              path_,
-                                              "--output_path",
-                                              dir_ + "/models",
-                                              "--num_threads",
-                                              "1"};
-  ASSERT_EQ(RunForTest(&RunDepthGlobalMapper, arguments).code, 0);
-  const auto report =
-      nlohmann::json::parse(std::ifstream(dir_ + "/models/report.json"));
+  const nlohmann::json report = MapDatabase();
   EXPECT_THAT(report["warnings"].dump(),
               testing::HasSubstr("--depth_type relative_disparity"));
   for (const auto& stage : report["stages"]) {

@@ -9,11 +9,12 @@ namespace {
 using testing::ElementsAre;
 
 DepthMap CreateMap(std::vector<float> values) {
-  return {static_cast<int>(values.size()), 1, kAffineDisparity, values};
+  return {
+      static_cast<int>(values.size()), 1, DepthUnit::AFFINE_DISPARITY, values};
 }
 
 TEST(AffineDepth, DisparityBecomesDepthBeyondItsShift) {
-  const AffineDepth affine = {kAffineDisparity, 10, -3, 1};
+  const AffineDepth affine = {DepthUnit::AFFINE_DISPARITY, 10, -3, 1};
   EXPECT_EQ(ConvertAffine(affine, 2), 2);
   EXPECT_EQ(ConvertAffine(affine, -1), 5);
   EXPECT_EQ(ConvertAffine(affine, -2), 0);  // too near the shift
@@ -22,7 +23,7 @@ TEST(AffineDepth, DisparityBecomesDepthBeyondItsShift) {
 }
 
 TEST(AffineDepth, DepthLosesItsShift) {
-  const AffineDepth affine = {kAffineDepth, 2, 1, 0};
+  const AffineDepth affine = {DepthUnit::AFFINE_DEPTH, 2, 1, 0};
   EXPECT_EQ(ConvertAffine(affine, 7), 3);
   EXPECT_EQ(ConvertAffine(affine, 1), 0);
 }
