@@ -40,8 +40,8 @@ class PointElimination {
   };
   // Computes the row of an observation; called by several threads.
   using Linearizer = std::function<void(int observation, Row* row)>;
-  // Is given a point and its rows, and may move the one and renew the others;
-  // called by several threads.
+  // Takes a point and its rows, and may move the point and compute the rows
+  // anew; called by several threads.
   using PointVisitor = std::function<void(int point, Row* rows)>;
 
   // The references must outlive this.
@@ -342,7 +342,7 @@ class PointElimination {
   const std::vector<CameraColumns>& columns_;
   const Linearizer linearizer_;
   const int num_threads_;
-  // Those of a chunk, from that of one observation on.
+  // Index of the observation of the first row held.
   std::vector<Row> rows_;
   int first_row_ = 0;
   std::vector<PointBlock> point_blocks_;

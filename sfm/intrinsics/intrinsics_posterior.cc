@@ -101,7 +101,7 @@ class PosteriorProblem {
     colmap::point2D_t point2D_idx = 0;
     // Weight by the soft L1 loss.
     double weight = 1;
-    // Of the residual with its weight.
+    // Squared norm of the residual times its weight.
     double squared_norm = 0;
   };
 

@@ -27,7 +27,7 @@ constexpr double kMinMeanConcordance = 0.4;
 constexpr size_t kMinNumJudgedPlaces = 30;
 constexpr size_t kMinNumJudgedImages = 3;
 
-// What became of an affine map.
+// Result for an affine map.
 struct RelativeDepthFit {
   AffineDepthFit fit;
   // What turns its values into depth, if fit.success: of about 1, or in the
