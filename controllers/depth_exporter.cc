@@ -6,24 +6,21 @@
 #include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/depth/depth_map_io.h"
 #include "colmap_ext/depth/depth_undistortion.h"
+#include "colmap_ext/formats/picture_file.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
 #include "controllers/dense_workspace.h"
+#include "controllers/depth_export_summary.h"
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
 #include "controllers/sparse_model.h"
 #include "controllers/splatting_depth.h"
-#include "estimators/median.h"
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <iomanip>
 #include <map>
-#include <sstream>
 #include <stdexcept>
-
-#include <nlohmann/json.hpp>
 
 namespace dgsfm {
 namespace {
@@ -34,18 +31,21 @@ namespace fs = std::filesystem;
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
 
-// Values that the alignment takes out of range become unknown.
-void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
-  size_t i = 0;
-  for (int y = 0; y < depth_map->height; ++y) {
-    for (int x = 0; x < depth_map->width; ++x, ++i) {
-      float& depth = depth_map->values[i];
-      if (depth <= 0) continue;
-      depth = static_cast<float>(alignment.Apply(
-          (x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height, depth));
-      if (!std::isfinite(depth)) depth = 0;
+// In grey, the lowest confidence of known depth above 0.
+colmap::Bitmap ConfidencePicture(const DepthMap& confidence) {
+  colmap::Bitmap bitmap;
+  if (!bitmap.Allocate(confidence.width, confidence.height, /*as_rgb=*/false)) {
+    throw std::runtime_error("cannot allocate a picture of this size");
+  }
+  for (int y = 0; y < confidence.height; ++y) {
+    for (int x = 0; x < confidence.width; ++x) {
+      const float value = confidence.At(x, y);
+      const uint8_t level = static_cast<uint8_t>(
+          value > 0 ? std::max(1.0f, std::round(255 * value)) : 0);
+      bitmap.SetPixel(x, y, colmap::BitmapColor<uint8_t>(level));
     }
   }
+  return bitmap;
 }
 
 std::string FileName(const std::string& image_name, DepthExportFormat format) {
@@ -72,6 +72,9 @@ struct Job {
   std::optional<DepthAlignment> alignment;
   bool has_few_points = false;
   double near_inverse_depth = 0;  // the quantile of the image
+  // See DepthExportSummary.
+  double agreeing_ratio = 0;
+  double dropped_ratio = 0;
 };
 
 class Exporter {
@@ -120,20 +123,28 @@ class Exporter {
     }
     // One scale for all images: see WriteSplattingParameters().
     splatting_scale_ = SplattingScale(max_inverse_depth);
-    ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
-      Write(*job, std::move(map));
-    });
+    if (options_.multi_view) {
+      RefineAndWrite(&jobs);
+    } else {
+      ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
+        if (job->alignment) job->alignment->Apply(&map);
+        Write(*job, std::move(map));
+      });
+    }
     for (Job& job : jobs) {
       scales[job.name] = splatting_scale_;
       summary_.exported.push_back({job.name,
                                    FileName(job.name, options_.format),
-                                   std::move(job.alignment)});
+                                   std::move(job.alignment),
+                                   job.agreeing_ratio,
+                                   job.dropped_ratio});
     }
+    summary_.multi_view = options_.multi_view;
     if (is_for_splatting) WriteSplattingParameters(output_path_, scales);
     if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
       WriteFusionList(output_path_, NamesOfExported());
     }
-    if (model_) WriteAlignments();
+    if (model_) WriteAlignments(output_path_, summary_);
     return std::move(summary_);
   }
 
@@ -177,8 +188,6 @@ class Exporter {
     return jobs;
   }
 
-  // Each item opens the database for itself: connections are not shared by
-  // threads.
   template <typename Function>
   void ForEach(const std::string& label,
                std::vector<Job>* jobs,
@@ -186,21 +195,64 @@ class Exporter {
     Progress progress(label, jobs->size());
     ParallelFor(jobs->size(), options_.num_threads, [&](size_t i) {
       Job& job = (*jobs)[i];
-      DepthMap map =
-          DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
-              .ReadDepthMap(job.image_id);
-      if (IsAffine(map.unit) && !model_) {
-        throw std::runtime_error(
-            "the map of image " + job.name +
-            " is relative: it becomes depth by a model alone (--input_path)");
-      }
-      if (IsAffine(map.unit) && !ConvertByPoints(*model_, job.name, &map)) {
-        job.has_few_points = true;
+      std::optional<DepthMap> map = Read(job);
+      if (map) {
+        function(&job, *std::move(map));
       } else {
-        function(&job, std::move(map));
+        job.has_few_points = true;
       }
       progress.Step();
     });
+  }
+
+  // The map of an image, nothing if it is relative and has too few points.
+  // Opens the database by itself: connections are not shared by threads.
+  std::optional<DepthMap> Read(const Job& job) const {
+    DepthMap map = DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+                       .ReadDepthMap(job.image_id);
+    if (!IsAffine(map.unit)) return map;
+    if (!model_) {
+      throw std::runtime_error(
+          "the map of image " + job.name +
+          " is relative: it becomes depth by a model alone (--input_path)");
+    }
+    if (!ConvertByPoints(*model_, job.name, &map)) return std::nullopt;
+    return map;
+  }
+
+  // Of jobs with an alignment.
+  void RefineAndWrite(std::vector<Job>* jobs) const {
+    std::vector<ViewToRefine> views;
+    for (const Job& job : *jobs) views.push_back({job.name, *job.alignment});
+    MultiViewRefinementOptions refinement = options_.refinement;
+    refinement.alignment = options_.alignment;
+    refinement.num_threads = options_.num_threads;
+    // Maps were read before, so that they are there.
+    MultiViewRefinement(*model_, refinement, &views, [&](size_t i) {
+      return Read((*jobs)[i]).value();
+    }).Run([&](size_t i, RefinedDepth refined) {
+      Job& job = (*jobs)[i];
+      job.agreeing_ratio = refined.agreeing_ratio;
+      job.dropped_ratio = refined.dropped_ratio;
+      if (!options_.confidence_path.empty()) WriteConfidence(job, refined);
+      Write(job, std::move(refined.depth_map));
+    });
+  }
+
+  // Confidences move with the pixels of the depth map.
+  void WriteConfidence(const Job& job, const RefinedDepth& refined) const {
+    DepthMap map = refined.depth_map;
+    map.values = refined.confidence;
+    for (size_t i = 0; i < map.values.size(); ++i) {
+      if (refined.depth_map.values[i] <= 0) map.values[i] = 0;
+    }
+    if (job.undistorted_camera != nullptr) {
+      map = UndistortDepth(map, *job.camera, *job.undistorted_camera);
+    }
+    const fs::path path =
+        PathInside(options_.confidence_path, job.name + ".png");
+    CreateOutputFolder(path.parent_path().string());
+    WritePicture(path.string(), ConfidencePicture(map));
   }
 
   void Prepare(Job* job, DepthMap depth_map) const {
@@ -211,7 +263,7 @@ class Exporter {
           options_.alignment);
       job->has_few_points = !job->alignment.has_value();
       if (job->has_few_points) return;
-      ApplyAlignment(*job->alignment, &depth_map);
+      job->alignment->Apply(&depth_map);
     }
     std::vector<float> depths;
     for (const float depth : depth_map.values) {
@@ -226,7 +278,6 @@ class Exporter {
   }
 
   void Write(const Job& job, DepthMap depth_map) const {
-    if (job.alignment) ApplyAlignment(*job.alignment, &depth_map);
     if (job.undistorted_camera != nullptr) {
       depth_map =
           UndistortDepth(depth_map, *job.camera, *job.undistorted_camera);
@@ -289,20 +340,6 @@ class Exporter {
     return scales;
   }
 
-  void WriteAlignments() const {
-    nlohmann::ordered_json json = nlohmann::ordered_json::object();
-    for (const DepthExportSummary::Image& image : summary_.exported) {
-      json[image.name] = {{"scale", image.alignment->scale},
-                          {"shift", image.alignment->shift},
-                          {"has_field", !image.alignment->field.empty()},
-                          {"num_points", image.alignment->num_points},
-                          {"scale_residual", image.alignment->scale_residual},
-                          {"residual", image.alignment->residual}};
-    }
-    WriteFile((fs::path(output_path_) / "alignment.json").string(),
-              JsonText(json, 2) + "\n");
-  }
-
   const std::string database_path_;
   const std::string output_path_;
   const DepthExportOptions& options_;
@@ -327,43 +364,11 @@ bool DepthExportOptions::IsValid(std::string* error) const {
         "undistorted model is in output_path";
     return false;
   }
-  return alignment.IsValid(error);
-}
-
-std::string DepthExportSummary::ToText() const {
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(2);
-  std::vector<double> scale_residuals;
-  std::vector<double> residuals;
-  for (const Image& image : exported) {
-    text << image.name << ": " << image.file;
-    if (image.alignment) {
-      text << ", " << image.alignment->num_points << " points, scale "
-           << std::setprecision(4) << image.alignment->scale
-           << std::setprecision(2) << ", median error "
-           << 100 * image.alignment->scale_residual
-           << " % after the best scale, " << 100 * image.alignment->residual
-           << " % aligned";
-      scale_residuals.push_back(image.alignment->scale_residual);
-      residuals.push_back(image.alignment->residual);
-    }
-    text << "\n";
+  if (!confidence_path.empty() && !multi_view) {
+    *error = "confidence_path needs multi_view";
+    return false;
   }
-  const auto list = [&text](const std::string& what,
-                            const std::vector<std::string>& names) {
-    for (const std::string& name : names) text << what << ": " << name << "\n";
-  };
-  list("image without map", images_without_map);
-  list("image that is not in the model", images_without_model);
-  list("image with too few points", images_with_few_points);
-  text << "exported " << exported.size() << " depth maps";
-  if (!residuals.empty()) {
-    text << ", median error " << 100 * Median(scale_residuals)
-         << " % after the best scale, " << 100 * Median(residuals)
-         << " % aligned";
-  }
-  text << "\n";
-  return text.str();
+  return alignment.IsValid(error) && refinement.IsValid(error);
 }
 
 DepthExportSummary ExportDepthMaps(const std::string& database_path,
@@ -373,7 +378,7 @@ DepthExportSummary ExportDepthMaps(const std::string& database_path,
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   const bool needs_model =
-      !options.undistorted_path.empty() ||
+      !options.undistorted_path.empty() || options.multi_view ||
       options.format == DepthExportFormat::COLMAP_WORKSPACE;
   DGSFM_CHECK(model_path || !needs_model) << "a model is needed";
   CreateOutputFolder(output_path);

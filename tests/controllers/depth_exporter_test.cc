@@ -10,6 +10,7 @@
 #include "tests/testing/test_dir.h"
 
 #include <colmap/base/reconstruction.h>
+#include <colmap/util/bitmap.h>
 
 #include <filesystem>
 #include <fstream>
@@ -199,6 +200,46 @@ TEST_F(DepthExporterTest, WritesTheWorkspaceOfDenseStereo) {
   std::string error;
   EXPECT_FALSE(options.IsValid(&error));
   EXPECT_THAT(error, HasSubstr("undistorted_path"));
+}
+
+TEST_F(DepthExporterTest, RefinesMapsByNeighbors) {
+  // The one image with points has no neighbour.
+  DepthExportOptions options;
+  options.multi_view = true;
+  options.confidence_path = dir_ + "/confidence";
+  const DepthExportSummary summary =
+      ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  ASSERT_EQ(summary.exported.size(), 1);
+  EXPECT_EQ(summary.exported[0].agreeing_ratio, 0);
+  EXPECT_THAT(summary.ToText(),
+              HasSubstr("neighbours agree at 0.00 % of the pixels"));
+  EXPECT_THAT(FileContent(dir_ + "/out/alignment.json"),
+              HasSubstr("\"agreeing_ratio\": 0.0"));
+  EXPECT_NEAR(ReadExported("sub/a.jpg.npy").At(20, 20),
+              4 * CreateMap().At(20, 20),
+              1e-3);
+  colmap::Bitmap confidence;
+  ASSERT_TRUE(
+      confidence.Read(dir_ + "/confidence/sub/a.jpg.png", /*as_rgb=*/false));
+  colmap::BitmapColor<uint8_t> color;
+  ASSERT_TRUE(confidence.GetPixel(20, 20, &color));
+  EXPECT_EQ(color.r, 128);
+  ASSERT_TRUE(confidence.GetPixel(20, 47, &color));
+  EXPECT_EQ(color.r, 0);
+
+  std::string error;
+  options.multi_view = false;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_EQ(error, "confidence_path needs multi_view");
+  const CommandResult result = RunForTest(RunDepthExporter,
+                                          {"--database_path",
+                                           database_path_,
+                                           "--output_path",
+                                           dir_ + "/out",
+                                           "--multi_view",
+                                           "1"});
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, HasSubstr("multi_view needs input_path"));
 }
 
 // The different scales in depth_params.json.
