@@ -51,6 +51,7 @@ std::string DepthExportSummary::ToText() const {
          << " % aligned";
   }
   text << "\n";
+  if (num_points > 0) text << "wrote " << num_points << " points\n";
   return text.str();
 }
 

@@ -9,8 +9,11 @@
 #include "colmap_ext/formats/picture_file.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
+#include "controllers/confidence_map.h"
 #include "controllers/dense_workspace.h"
 #include "controllers/depth_export_summary.h"
+#include "controllers/depth_plot.h"
+#include "controllers/initial_cloud.h"
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
 #include "controllers/sparse_model.h"
@@ -20,6 +23,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <stdexcept>
 
 namespace dgsfm {
@@ -30,23 +34,6 @@ namespace fs = std::filesystem;
 // Share of the inverse depths of all images that the range covers; nearer ones
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
-
-// In grey, the lowest confidence of known depth above 0.
-colmap::Bitmap ConfidencePicture(const DepthMap& confidence) {
-  colmap::Bitmap bitmap;
-  if (!bitmap.Allocate(confidence.width, confidence.height, /*as_rgb=*/false)) {
-    throw std::runtime_error("cannot allocate a picture of this size");
-  }
-  for (int y = 0; y < confidence.height; ++y) {
-    for (int x = 0; x < confidence.width; ++x) {
-      const float value = confidence.At(x, y);
-      const uint8_t level = static_cast<uint8_t>(
-          value > 0 ? std::max(1.0f, std::round(255 * value)) : 0);
-      bitmap.SetPixel(x, y, colmap::BitmapColor<uint8_t>(level));
-    }
-  }
-  return bitmap;
-}
 
 std::string FileName(const std::string& image_name, DepthExportFormat format) {
   static const std::map<DepthExportFormat, std::string> kExtensions = {
@@ -121,6 +108,7 @@ class Exporter {
     for (const Job& job : jobs) {
       max_inverse_depth = std::max(max_inverse_depth, job.near_inverse_depth);
     }
+    StartCloud();
     // One scale for all images: see WriteSplattingParameters().
     splatting_scale_ = SplattingScale(max_inverse_depth);
     if (options_.multi_view) {
@@ -128,6 +116,7 @@ class Exporter {
     } else {
       ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
         if (job->alignment) job->alignment->Apply(&map);
+        if (cloud_) AddToCloud(*job, map);
         Write(*job, std::move(map));
       });
     }
@@ -144,6 +133,10 @@ class Exporter {
     if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
       WriteFusionList(output_path_, NamesOfExported());
     }
+    if (cloud_) {
+      summary_.num_points = cloud_->Write(
+          options_.points_path, options_.image_path, options_.num_threads);
+    }
     if (model_) WriteAlignments(output_path_, summary_);
     return std::move(summary_);
   }
@@ -156,6 +149,7 @@ class Exporter {
     std::vector<Job> jobs;
     bool is_any_map = false;
     for (const auto& [image_id, image] : scene.images) {
+      image_ids_[image.Name()] = image_id;
       if (!database.HasDepthMap(image_id)) {
         summary_.images_without_map.push_back(image.Name());
         continue;
@@ -220,6 +214,14 @@ class Exporter {
     return map;
   }
 
+  void StartCloud() {
+    if (options_.points_path.empty()) return;
+    cloud_ = std::make_unique<InitialCloud>(
+        undistorted_model_ ? *undistorted_model_ : *model_,
+        image_ids_,
+        options_.num_points);
+  }
+
   // Of jobs with an alignment.
   void RefineAndWrite(std::vector<Job>* jobs) const {
     std::vector<ViewToRefine> views;
@@ -235,6 +237,12 @@ class Exporter {
       job.agreeing_ratio = refined.agreeing_ratio;
       job.dropped_ratio = refined.dropped_ratio;
       if (!options_.confidence_path.empty()) WriteConfidence(job, refined);
+      // Where none agrees depth may be anything.
+      DepthMap sure = refined.depth_map;
+      for (size_t k = 0; cloud_ && k < sure.values.size(); ++k) {
+        if (refined.confidence[k] <= 0.5f) sure.values[k] = 0;
+      }
+      if (cloud_) AddToCloud(job, std::move(sure));
       Write(job, std::move(refined.depth_map));
     });
   }
@@ -246,23 +254,29 @@ class Exporter {
     for (size_t i = 0; i < map.values.size(); ++i) {
       if (refined.depth_map.values[i] <= 0) map.values[i] = 0;
     }
-    if (job.undistorted_camera != nullptr) {
-      map = UndistortDepth(map, *job.camera, *job.undistorted_camera);
-    }
-    const fs::path path =
-        PathInside(options_.confidence_path, job.name + ".png");
-    CreateOutputFolder(path.parent_path().string());
-    WritePicture(path.string(), ConfidencePicture(map));
+    map = ForOutput(job, std::move(map));
+    WriteBesideName(
+        options_.confidence_path, job.name, [&](const std::string& path) {
+          WriteConfidencePicture(path, map);
+        });
   }
 
   void Prepare(Job* job, DepthMap depth_map) const {
     if (model_) {
+      const std::vector<DepthCorrespondence> points =
+          FindDepthCorrespondences(*model_, job->name, depth_map);
       job->alignment = AlignDepth(
-          FindDepthCorrespondences(*model_, job->name, depth_map),
+          points,
           static_cast<double>(job->camera->Width()) / job->camera->Height(),
           options_.alignment);
       job->has_few_points = !job->alignment.has_value();
       if (job->has_few_points) return;
+      if (!options_.plot_path.empty()) {
+        WriteBesideName(
+            options_.plot_path, job->name, [&](const std::string& path) {
+              WritePicture(path, PlotAlignment(*job->alignment, points));
+            });
+      }
       job->alignment->Apply(&depth_map);
     }
     std::vector<float> depths;
@@ -277,11 +291,28 @@ class Exporter {
     job->near_inverse_depth = 1 / *near;
   }
 
+  // The map of the image that the output is for.
+  static DepthMap ForOutput(const Job& job, DepthMap map) {
+    if (job.undistorted_camera == nullptr) return map;
+    return UndistortDepth(map, *job.camera, *job.undistorted_camera);
+  }
+
+  void AddToCloud(const Job& job, DepthMap map) const {
+    cloud_->Add(job.name, ForOutput(job, std::move(map)));
+  }
+
+  // a.jpg.png in a folder, for image a.jpg.
+  template <typename Function>
+  static void WriteBesideName(const std::string& folder,
+                              const std::string& image_name,
+                              const Function& write) {
+    const fs::path path = PathInside(folder, image_name + ".png");
+    CreateOutputFolder(path.parent_path().string());
+    write(path.string());
+  }
+
   void Write(const Job& job, DepthMap depth_map) const {
-    if (job.undistorted_camera != nullptr) {
-      depth_map =
-          UndistortDepth(depth_map, *job.camera, *job.undistorted_camera);
-    }
+    depth_map = ForOutput(job, std::move(depth_map));
     if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
       WriteWorkspaceMaps(output_path_,
                          job.name,
@@ -345,6 +376,8 @@ class Exporter {
   const DepthExportOptions& options_;
   std::optional<SparseModel> model_;
   std::optional<SparseModel> undistorted_model_;
+  std::map<std::string, colmap::image_t> image_ids_;
+  std::unique_ptr<InitialCloud> cloud_;
   // See SplattingScale.
   double splatting_scale_ = 0;
   DepthExportSummary summary_;
@@ -352,35 +385,14 @@ class Exporter {
 
 }  // namespace
 
-bool DepthExportOptions::IsValid(std::string* error) const {
-  if (!(png_scale > 0 && std::isfinite(png_scale))) {
-    *error = "png_scale must be positive and finite";
-    return false;
-  }
-  if (format == DepthExportFormat::COLMAP_WORKSPACE &&
-      !undistorted_path.empty()) {
-    *error =
-        "undistorted_path has no meaning for colmap_workspace, whose "
-        "undistorted model is in output_path";
-    return false;
-  }
-  if (!confidence_path.empty() && !multi_view) {
-    *error = "confidence_path needs multi_view";
-    return false;
-  }
-  return alignment.IsValid(error) && refinement.IsValid(error);
-}
-
 DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const std::optional<std::string>& model_path,
                                    const std::string& output_path,
                                    const DepthExportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const bool needs_model =
-      !options.undistorted_path.empty() || options.multi_view ||
-      options.format == DepthExportFormat::COLMAP_WORKSPACE;
-  DGSFM_CHECK(model_path || !needs_model) << "a model is needed";
+  DGSFM_CHECK(model_path || options.OptionThatNeedsModel().empty())
+      << options.OptionThatNeedsModel() << " needs a model";
   CreateOutputFolder(output_path);
   return Exporter(database_path, model_path, output_path, options).Run();
 }

@@ -36,12 +36,25 @@ struct DepthExportOptions {
   // Folder of confidence maps, a.jpg.png in 8 bits: the confidence of
   // multi_view_depth.h times 255, 0 where depth is unknown. Empty for none.
   std::string confidence_path;
+  // Folder of pictures of the alignment, a.jpg.png (see depth_plot.h). Empty
+  // for none.
+  std::string plot_path;
+  // Folder of a copy of the model, or of the undistorted one, with points of
+  // the depth maps in place of its own; with multi_view of pixels that a
+  // neighbour agrees with. Empty for none.
+  std::string points_path;
+  // Its points, at most.
+  int num_points = 200000;
+  // Folder of the images of that model, for the colours; empty for black.
+  std::string image_path;
   // Depth per step of a PNG [unit of depth].
   double png_scale = 0.001;
   // One per core if not positive.
   int num_threads = -1;
 
   bool IsValid(std::string* error) const;
+  // The first of the options that are set; empty if none needs a model.
+  std::string OptionThatNeedsModel() const;
 };
 
 struct DepthExportSummary {
@@ -64,6 +77,8 @@ struct DepthExportSummary {
   std::vector<std::string> images_without_model;
   std::vector<std::string> images_with_few_points;
 
+  // In points_path.
+  size_t num_points = 0;
   // Whether maps were refined.
   bool multi_view = false;
 

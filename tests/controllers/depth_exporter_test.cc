@@ -3,6 +3,7 @@
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/depth/depth_map_io.h"
+#include "colmap_ext/model/model_io.h"
 #include "controllers/commands/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/colmap_database.h"
@@ -12,6 +13,7 @@
 #include <colmap/base/reconstruction.h>
 #include <colmap/util/bitmap.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -240,6 +242,67 @@ TEST_F(DepthExporterTest, RefinesMapsByNeighbors) {
                                            "1"});
   EXPECT_EQ(result.code, 2);
   EXPECT_THAT(result.err, HasSubstr("multi_view needs input_path"));
+}
+
+TEST_F(DepthExporterTest, WritesPointsForSplatting) {
+  DepthExportOptions options;
+  options.points_path = dir_ + "/points";
+  options.num_points = 100;
+  const DepthExportSummary summary =
+      ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  EXPECT_THAT(summary.ToText(), HasSubstr("wrote 100 points"));
+  const auto images = ReadModelImages(options.points_path);
+  // Those without depth have their poses.
+  ASSERT_EQ(images.size(), 2);
+  EXPECT_EQ(images.count("b.jpg"), 1);
+  EXPECT_EQ(ReadModelCameras(options.points_path).size(), 1);
+  const std::vector<ModelPoint> points = ReadModelPoints(options.points_path);
+  ASSERT_EQ(points.size(), 100);
+  EXPECT_EQ(images.at("sub/a.jpg").observations.size(), 100);
+  for (const ModelPoint& point : points) {
+    // Depth grows with the column: see CreateMap().
+    const double column = point.xyz.x() / point.xyz.z() * 50 + 32;
+    // Within a cell of points, of about 0.4.
+    EXPECT_NEAR(point.xyz.z(), 4 * (0.5 + (column - 0.5) / 64), 0.1);
+  }
+  // In any order of threads.
+  const std::string bytes = FileContent(options.points_path + "/points3D.bin");
+  options.num_threads = 1;
+  ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  EXPECT_EQ(FileContent(options.points_path + "/points3D.bin"), bytes);
+  std::string error;
+  options.num_points = 0;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_EQ(error, "num_points must be at least 1");
+}
+
+TEST_F(DepthExporterTest, DrawsAlignments) {
+  DepthExportOptions options;
+  options.plot_path = dir_ + "/plots";
+  ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  colmap::Bitmap plot;
+  ASSERT_TRUE(plot.Read(dir_ + "/plots/sub/a.jpg.png", /*as_rgb=*/true));
+  int num_blue = 0;
+  for (int y = 0; y < plot.Height(); ++y) {
+    for (int x = 0; x < plot.Width(); ++x) {
+      colmap::BitmapColor<uint8_t> color;
+      ASSERT_TRUE(plot.GetPixel(x, y, &color));
+      if (color.b <= color.r) continue;
+      ++num_blue;
+      // The map is right: all are on the diagonal, by the size of a point.
+      EXPECT_LE(std::abs(x + y - (plot.Width() - 1)), 3);
+    }
+  }
+  EXPECT_GT(num_blue, 2 * kNumPoints);
+  const CommandResult result = RunForTest(RunDepthExporter,
+                                          {"--database_path",
+                                           database_path_,
+                                           "--output_path",
+                                           dir_ + "/out",
+                                           "--plot_path",
+                                           options.plot_path});
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, HasSubstr("plot_path needs input_path"));
 }
 
 // The different scales in depth_params.json.
