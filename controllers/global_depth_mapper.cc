@@ -10,6 +10,7 @@
 #include "colmap_ext/model/rig_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
+#include "controllers/component_checkpoints.h"
 #include "controllers/georeference_file.h"
 #include "controllers/mapper_report.h"
 #include "controllers/mapper_summary.h"
@@ -19,6 +20,7 @@
 #include "controllers/report/report_page.h"
 #include "sfm/mapping/depth_kind_check.h"
 #include "sfm/mapping/rig_model.h"
+#include "sfm/mapping_fingerprint.h"
 
 #include <filesystem>
 #include <iostream>
@@ -233,6 +235,9 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   PairGeometries pairs =
       LoadOrVerifyPairs(scene, depths, relative.conversions, &stages);
 
+  ComponentCheckpoints checkpoints(
+      options_.output_path,
+      MappingFingerprint(MappingText(options_), scores, scene, depths, pairs));
   // The report shows cameras as the database has them.
   const CameraMap given_cameras = scene.cameras;
   DepthGlobalMapperResult result =
@@ -241,7 +246,8 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                        scores,
                        &scene,
                        &depths,
-                       &pairs);
+                       &pairs,
+                       &checkpoints);
   scene.cameras = given_cameras;
   for (const std::string& warning :
        WarningsOfDepthKinds(scene, given_depths, result.models)) {
@@ -263,6 +269,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
     StageReportPage(folder, result.models.size());
   }
   folder.Publish();
+  checkpoints.Remove();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
   return Summarize(scene, result, options_.output_path);

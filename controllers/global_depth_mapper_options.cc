@@ -297,6 +297,15 @@ void BindOptions(GlobalDepthMapperOptions* options,
   BindMapper(&options->mapper, command_options);
 }
 
+std::string MappingText(GlobalDepthMapperOptions options) {
+  options.output_path.clear();
+  options.verifier.database_path.clear();
+  options.verifier.verification.num_threads = -1;
+  CommandOptions command_options("", "");
+  BindOptions(&options, &command_options);
+  return command_options.ProjectText();
+}
+
 void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   ApplyPaperPreset(&options->verifier.verification);
   options->use_exif = false;

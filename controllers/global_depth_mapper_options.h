@@ -55,6 +55,10 @@ struct GlobalDepthMapperOptions {
 void BindOptions(GlobalDepthMapperOptions* options,
                  CommandOptions* command_options);
 
+// All options but those of threads and places, with their values: what shows
+// whether a component that an earlier run mapped still holds.
+std::string MappingText(GlobalDepthMapperOptions options);
+
 // Sets the thresholds of the paper's appendix and switches stages off that it
 // does not have.
 void ApplyPaperPreset(GlobalDepthMapperOptions* options);

@@ -1,0 +1,34 @@
+#include "sfm/component_store.h"
+
+namespace dgsfm {
+
+std::map<colmap::image_pair_t, PairOutcome> OutcomesOf(
+    const ImageIds& image_ids, const PairGeometries& pairs) {
+  const ImageIndex index(image_ids);
+  std::map<colmap::image_pair_t, PairOutcome> outcomes;
+  for (const auto& [pair_id, pair] : pairs) {
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (index.Of(image_id1) < 0 || index.Of(image_id2) < 0) continue;
+    outcomes.emplace_hint(
+        outcomes.end(),
+        pair_id,
+        PairOutcome{pair.status,
+                    pair.verdicts,
+                    pair.has_scale,
+                    pair.inlier_matches.size() == pair.NumInliers()});
+  }
+  return outcomes;
+}
+
+void ApplyOutcomes(const std::map<colmap::image_pair_t, PairOutcome>& outcomes,
+                   PairGeometries* pairs) {
+  for (const auto& [pair_id, outcome] : outcomes) {
+    PairGeometry& pair = pairs->at(pair_id);
+    pair.status = outcome.status;
+    pair.verdicts = outcome.verdicts;
+    if (pair.has_scale && !outcome.has_scale) pair.DropScale();
+    if (!outcome.has_inliers) pair.ReleaseInliers();
+  }
+}
+
+}  // namespace dgsfm
