@@ -135,6 +135,15 @@ void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
                   "depth_importer --displayed_image_path";
 }
 
+// Maps of unknown scale and shift, which are converted before they are used.
+KeypointDepthMap AffineDepthsOf(const KeypointDepthMap& depths) {
+  KeypointDepthMap affine;
+  for (const auto& [image_id, image_depths] : depths) {
+    if (IsAffine(image_depths.unit)) affine.emplace(image_id, image_depths);
+  }
+  return affine;
+}
+
 RigScene LoadRigs(const GlobalDepthMapperOptions& options, const Scene& scene) {
   if (options.ignore_rigs) return {};
   const RigScene rigs = options.rig_config_path.empty()
@@ -225,7 +234,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_, scene, depths);
   }
-  const KeypointDepthMap given_depths = depths;
+  KeypointDepthMap given_depths = AffineDepthsOf(depths);
   const RelativeDepths relative =
       ConvertRelativeDepths(options_.verifier, &scene, &depths, &stages);
   PairScores scores;
@@ -249,6 +258,9 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                        &pairs,
                        &checkpoints);
   scene.cameras = given_cameras;
+  // All maps as they were imported: those that no stage converted are moved.
+  given_depths.merge(result.dropped_depths);
+  given_depths.merge(depths);
   for (const std::string& warning :
        WarningsOfDepthKinds(scene, given_depths, result.models)) {
     LOG(WARNING) << warning;

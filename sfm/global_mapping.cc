@@ -283,7 +283,8 @@ DepthGlobalMapperResult RunGlobalMapping(
   MappingLog log;
   const CameraBeliefs camera_beliefs = GivenBeliefs(*scene);
   DropStaticBackground(options, verification, *depths, scene, pairs, &log);
-  DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
+  result.dropped_depths =
+      DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
   FilterPairs(options, pair_scores, pairs, &log);
   JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
   result.focals =

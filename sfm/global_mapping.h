@@ -31,6 +31,8 @@ struct DepthGlobalMapperResult {
   std::vector<std::string> warnings;
   // Repeatability of the first model, with measure_repeatability.
   std::optional<PoseMetrics> repeatability;
+  // Maps that were not used, as they contradict their pairs.
+  KeypointDepthMap dropped_depths;
   // Depth-map factors of the registered images against their model.
   std::map<colmap::image_t, double> depth_scales;
 };

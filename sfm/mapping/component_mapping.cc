@@ -185,8 +185,11 @@ void FinishCameras(const MappingContext& context,
       context.options.share_intrinsics && context.scene.rigs.Empty()
           ? FirstOfGroups(groups)
           : JoinedCameraIds(progress->cameras.origins, groups, model);
-  for (auto& [camera_id, camera] : SummarizeCameras(
-           FinalAdjustment(context, *progress), progress->beliefs, model)) {
+  for (auto& [camera_id, camera] :
+       SummarizeCameras(FinalAdjustment(context, *progress),
+                        context.verification.num_threads,
+                        progress->beliefs,
+                        model)) {
     const auto final_id = final_ids.find(camera_id);
     result->cameras.emplace(
         final_id == final_ids.end() ? camera_id : final_id->second, camera);
