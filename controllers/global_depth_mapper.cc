@@ -21,6 +21,7 @@
 #include "sfm/mapping/depth_kind_check.h"
 #include "sfm/mapping/rig_model.h"
 #include "sfm/mapping_fingerprint.h"
+#include "sfm/memory_prediction.h"
 
 #include <filesystem>
 #include <iostream>
@@ -237,6 +238,10 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   KeypointDepthMap given_depths = AffineDepthsOf(depths);
   const RelativeDepths relative =
       ConvertRelativeDepths(options_.verifier, &scene, &depths, &stages);
+  if (options_.memory_limit_gb > 0) {
+    CheckMemory(
+        options_.memory_limit_gb, options_.mapper.tracks, SizeByMatches(scene));
+  }
   PairScores scores;
   if (!options_.pair_scores_path.empty()) {
     scores = ReadPairScores(options_.pair_scores_path, scene);
@@ -244,6 +249,14 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   PairGeometries pairs =
       LoadOrVerifyPairs(scene, depths, relative.conversions, &stages);
 
+  {
+    StageTimer timer("memory_prediction");
+    timer
+        .Add("predicted_gb",
+             PredictMemoryGb(options_.mapper.tracks,
+                             SizeByInliers(scene, pairs)))
+        .Finish(&stages);
+  }
   ComponentCheckpoints checkpoints(
       options_.output_path,
       MappingFingerprint(MappingText(options_), scores, scene, depths, pairs));

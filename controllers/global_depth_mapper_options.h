@@ -34,6 +34,8 @@ struct GlobalDepthMapperOptions {
   // matchers give each pair its own (see ReadSceneWithFewKeypoints); pairs are
   // verified by all their matches all the same. 0 = all.
   int max_num_keypoints_per_image = 10000;
+  // Memory that the run may take, see CheckMemory [GB]; 0 = any.
+  double memory_limit_gb = 0;
   // Whether the database gets the geometry of each pair that is verified
   // (dgsfm_pair_geometries), from which a run that was broken off goes on, and
   // in the end the status of each pair (dgsfm_pair_statuses).

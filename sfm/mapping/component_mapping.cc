@@ -117,8 +117,16 @@ ModelInProgress StartModel(const MappingContext& context,
       AverageScalesAndFilter(context, rotations, index, pairs, log);
   ModelInProgress progress = CreateProgress(context, rotations);
   StageTimer timer("initialization");
+  const TrackOptions& track_options = context.options.tracks;
+  auto established = EstablishTracks(index, *pairs, track_options);
+  if (track_options.AreBounded()) {
+    timer.Add("tracks_established", double(established.size()));
+    established =
+        SelectTracks(track_options, context.scene, std::move(established));
+    progress.used_keypoints = KeypointsOf(established);
+  }
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
-      EstablishTracks(index, *pairs, context.options.tracks));
+      std::move(established));
   if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);
   *start = [=, &context, &rotations] {
     colmap::Reconstruction model = CreateModel(context, rotations);
@@ -236,7 +244,7 @@ ComponentResult MapComponent(const MappingContext& context,
   if (success) {
     CalibrateCameras(context, &progress, log);
     CompleteTracks(context, *pairs, &progress, log);
-    JudgePairs(context, model, pairs);
+    JudgePairs(context, progress, pairs);
     HoldImplausibleCameras(context, &progress, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);

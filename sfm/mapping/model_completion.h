@@ -16,12 +16,14 @@ using AgreeingMatches = std::map<colmap::image_pair_t, colmap::FeatureMatches>;
 // min_num_inliers and min_inlier_ratio of theirs. All these pairs have an
 // entry, without the matches within one point. The poses of a model are better
 // evidence than a pair alone, its depth or its triplets; pairs removed by an
-// imported score or by their translation stay out.
+// imported score or by their translation stay out. Matches of key points that
+// are not to be used are left out of the entries in the end.
 AgreeingMatches MatchesThatAgree(const Scene& scene,
                                  const PairGeometries& pairs,
                                  const PairVerificationOptions& verification,
                                  double max_epipolar_error_px,
-                                 const colmap::Reconstruction& model);
+                                 const colmap::Reconstruction& model,
+                                 const UsedKeypoints& used = {});
 
 // Triangulates what has no point yet, completes and merges tracks. Returns the
 // number of observations that the model gained.
@@ -39,7 +41,7 @@ void CompleteTracks(const MappingContext& context,
 // become VALID if enough of their matches agree. Pairs with images that the
 // model lacks keep their status.
 void JudgePairs(const MappingContext& context,
-                const colmap::Reconstruction& model,
+                const ModelInProgress& progress,
                 PairGeometries* pairs);
 
 }  // namespace dgsfm
