@@ -12,16 +12,17 @@ namespace dgsfm {
 using AgreeingMatches = std::map<colmap::image_pair_t, colmap::FeatureMatches>;
 
 // Matches of the scene that agree with the poses of a model: those within
-// max_epipolar_error_px of the epipolar lines, of the pairs that keep
-// min_num_inliers and min_inlier_ratio of theirs. All these pairs have an
+// refinement.max_epipolar_error_px of the epipolar lines, of the pairs that
+// keep min_num_inliers and min_inlier_ratio of theirs. All these pairs have an
 // entry, without the matches within one point. The poses of a model are better
-// evidence than a pair alone, its depth or its triplets; pairs removed by an
-// imported score or by their translation stay out. Matches of key points that
-// are not to be used are left out of the entries in the end.
+// evidence than a pair alone, its depth or its triplets. Pairs removed by their
+// translation must also agree with the points of other pairs; pairs removed by
+// an imported score or by positions stay out. Matches of key points that are
+// not to be used are left out of the entries in the end.
 AgreeingMatches MatchesThatAgree(const Scene& scene,
                                  const PairGeometries& pairs,
                                  const PairVerificationOptions& verification,
-                                 double max_epipolar_error_px,
+                                 const ModelRefinementOptions& refinement,
                                  const colmap::Reconstruction& model,
                                  const UsedKeypoints& used = {});
 
