@@ -14,6 +14,9 @@ namespace {
 
 // Parts of an image along each side that tracks are to be spread over.
 constexpr int kNumPartsPerSide = 8;
+// What the first track of a pair of images counts, relative to the first
+// observation in a part of an image.
+constexpr double kLinkWeight = 8;
 
 // What the tracks that are chosen cover.
 class Coverage {
@@ -38,7 +41,7 @@ class Coverage {
       if (num_elements++ > 0) {
         const auto link =
             links_.find(PairIdOfImages(previous, element.image_id));
-        gain += Share(link == links_.end() ? 0 : link->second);
+        gain += kLinkWeight * Share(link == links_.end() ? 0 : link->second);
       }
       previous = element.image_id;
     }
