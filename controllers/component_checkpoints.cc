@@ -40,8 +40,14 @@ std::string HexText(uint64_t number) {
 }  // namespace
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PairVerdict, stage, status)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(
-    PairOutcome, status, verdicts, has_scale, has_inliers)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PairOutcome,
+                                   status,
+                                   verdicts,
+                                   degeneracies,
+                                   has_scale,
+                                   num_matches,
+                                   num_inliers,
+                                   has_inliers)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(
     StageReport, stage, figures, seconds, cpu_seconds, peak_memory_mb)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MappingLog, stages, warnings)

@@ -14,7 +14,10 @@ std::map<colmap::image_pair_t, PairOutcome> OutcomesOf(
         pair_id,
         PairOutcome{pair.status,
                     pair.verdicts,
+                    pair.degeneracies,
                     pair.has_scale,
+                    pair.num_matches,
+                    pair.NumInliers(),
                     pair.inlier_matches.size() == pair.NumInliers()});
   }
   return outcomes;
@@ -26,8 +29,13 @@ void ApplyOutcomes(const std::map<colmap::image_pair_t, PairOutcome>& outcomes,
     PairGeometry& pair = pairs->at(pair_id);
     pair.status = outcome.status;
     pair.verdicts = outcome.verdicts;
+    pair.degeneracies = outcome.degeneracies;
+    pair.num_matches = outcome.num_matches;
     if (pair.has_scale && !outcome.has_scale) pair.DropScale();
-    if (!outcome.has_inliers) pair.ReleaseInliers();
+    if (!outcome.has_inliers || outcome.num_inliers != pair.NumInliers()) {
+      pair.ReleaseInliers();
+      pair.num_released_inliers = outcome.num_inliers;
+    }
   }
 }
 

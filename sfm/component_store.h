@@ -18,7 +18,11 @@ using ImageIds = std::vector<colmap::image_t>;
 struct PairOutcome {
   PairStatus status = PairStatus::NO_GEOMETRY;
   std::vector<PairVerdict> verdicts;
+  uint32_t degeneracies = 0;
   bool has_scale = false;
+  size_t num_matches = 0;
+  size_t num_inliers = 0;
+  // Whether the inliers themselves are still there.
   bool has_inliers = false;
 };
 
@@ -46,7 +50,8 @@ std::map<colmap::image_pair_t, PairOutcome> OutcomesOf(
     const ImageIds& image_ids, const PairGeometries& pairs);
 
 // Brings pairs, as they were before their component was mapped, to the state in
-// which it left them.
+// which it left them, but for geometries that were found anew, which nothing
+// reads any more.
 void ApplyOutcomes(const std::map<colmap::image_pair_t, PairOutcome>& outcomes,
                    PairGeometries* pairs);
 

@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "sfm/georeferencing/model_joining.h"
 #include "sfm/georeferencing/pair_positions.h"
+#include "sfm/view_graph/pair_recovery.h"
 #include "sfm/view_graph/view_graph_preparation.h"
 
 #include <algorithm>
@@ -85,6 +86,7 @@ MappedComponent MapImages(const MappingContext& context,
       AverageRotationsOf(context, image_ids, pairs, log);
   if (rotations) {
     mapped.other_parts = rotations->other_parts;
+    RecoverPairs(context, *rotations, pairs, log);
     mapped.result =
         MapComponent(context, *rotations, measure_repeatability, pairs, log);
   } else {
