@@ -28,13 +28,15 @@ constexpr double kBytesPerMatch = 10;
 constexpr double kBytesPerTrackedKeypoint = 80;
 // While the model is adjusted and completed.
 constexpr double kBytesPerKeypointOfModel = 28;
-constexpr double kBytesPerObservation = 205;
+// Of a matched one, whether or not it becomes an observation.
+constexpr double kBytesPerMatchedKeypoint = 75;
+constexpr double kBytesPerObservation = 130;
 constexpr double kBytesPerFactorBlock = 2 * 36 * sizeof(double);
 constexpr double kMaxFactorBytes =
     ReducedSystem::kMaxNumFactorEntries * sizeof(double);
 // Intrinsics are judged by so many images at most.
 constexpr double kNumCalibrationImages = 200;
-constexpr double kBytesPerCalibrationImage = 0.2e6;
+constexpr double kBytesPerCalibrationImage = 0.45e6;
 
 // Observations of an image below which its pose suffers.
 constexpr int kMinNumObservations = 200;
@@ -115,9 +117,9 @@ double NumObservations(const TrackOptions& options, const MappingSize& size) {
   return count;
 }
 
-std::string GbText(double gb) {
+std::string Text(double gb) {
   char text[32];
-  std::snprintf(text, sizeof(text), "%.2g GB", gb);
+  std::snprintf(text, sizeof(text), "%.3g", gb);
   return text;
 }
 
@@ -168,6 +170,7 @@ double PredictMemoryGb(const TrackOptions& options, const MappingSize& size) {
                          kBytesPerTrackedKeypoint * num_matched;
   const double adjusting =
       kBytesPerKeypointOfModel * num_keypoints +
+      kBytesPerMatchedKeypoint * num_matched +
       kBytesPerObservation * NumObservations(options, size) +
       kBytesPerCalibrationImage * std::min(num_images, kNumCalibrationImages) +
       std::min(kBytesPerFactorBlock * size.num_factor_blocks, kMaxFactorBytes);
@@ -179,9 +182,9 @@ void CheckMemory(double limit_gb,
                  const MappingSize& size) {
   const double needed_gb = PredictMemoryGb(options, size);
   if (needed_gb <= limit_gb) return;
-  const std::string problem = "the mapping needs about " + GbText(needed_gb) +
-                              " of memory, more than --memory_limit_gb " +
-                              GbText(limit_gb) + ": ";
+  const std::string problem = "the mapping needs about " + Text(needed_gb) +
+                              " GB of memory, more than --memory_limit_gb " +
+                              Text(limit_gb) + ": ";
   const int bound = FittingBound(limit_gb, options, size);
   if (bound == 0) {
     throw std::runtime_error(

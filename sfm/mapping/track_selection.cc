@@ -17,6 +17,9 @@ constexpr int kNumPartsPerSide = 8;
 // What the first track of a pair of images counts, relative to the first
 // observation in a part of an image.
 constexpr double kLinkWeight = 8;
+// Gain of a track that is chosen, at least, of the largest: to find the very
+// largest each time takes many times as long.
+constexpr double kMinShareOfLargest = 0.8;
 
 // What the tracks that are chosen cover.
 class Coverage {
@@ -106,9 +109,8 @@ std::vector<colmap::Track> SelectTracks(const TrackOptions& options,
                                     ? size_t(options.max_num_tracks)
                                     : tracks.size();
   Coverage coverage(options, scene);
-  // Gains only fall while tracks are chosen, so that a track whose present gain
-  // is no less than the next one's former gain has the largest of all. Of equal
-  // ones the first is taken.
+  // Gains only fall while tracks are chosen, so that the former gain of the
+  // next one bounds those of all others. Of equal ones the first comes first.
   using Candidate = std::pair<double, int64_t>;
   std::vector<Candidate> all;
   all.reserve(tracks.size());
@@ -125,7 +127,8 @@ std::vector<colmap::Track> SelectTracks(const TrackOptions& options,
     colmap::Track& track = tracks[size_t(-place)];
     const double gain = coverage.GainOf(track);
     if (gain == 0) continue;
-    if (!candidates.empty() && Candidate(gain, place) < candidates.top()) {
+    if (!candidates.empty() &&
+        gain < kMinShareOfLargest * candidates.top().first) {
       candidates.emplace(gain, place);
       continue;
     }

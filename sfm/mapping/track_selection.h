@@ -16,7 +16,7 @@ using UsedKeypoints = std::map<colmap::image_t, std::vector<bool>>;
 
 // The tracks, in their order, that tell most, at most max_num_tracks of them,
 // without what exceeds max_num_observations_per_image. The next track is each
-// time the one that adds most: an observation counts 1 / (1 + n), where n
+// time one of those that add most: an observation counts 1 / (1 + n), where n
 // observations of its image are near it already (in its one of 8 x 8 parts),
 // and each pair of images next to each other in the track 8 / (1 + n), where n
 // tracks link these already. So long tracks come first, and all parts of images
