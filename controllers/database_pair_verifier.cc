@@ -1,7 +1,7 @@
 #include "controllers/database_pair_verifier.h"
 
 #include "colmap_ext/parallel.h"
-#include "controllers/progress.h"
+#include "colmap_ext/progress.h"
 #include "sfm/verification/pair_fingerprint.h"
 
 #include <algorithm>

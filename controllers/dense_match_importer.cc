@@ -4,8 +4,8 @@
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/keypoint_merger.h"
+#include "colmap_ext/progress.h"
 #include "controllers/image_names.h"
-#include "controllers/progress.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,8 +8,8 @@
 #include "colmap_ext/fnv_hash.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
+#include "colmap_ext/progress.h"
 #include "controllers/depth_file_search.h"
-#include "controllers/progress.h"
 #include "estimators/median.h"
 
 #include <algorithm>

@@ -7,12 +7,12 @@
 #include "colmap_ext/model/model_writer.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/pose_access.h"
+#include "colmap_ext/progress.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "colmap_ext/synthetic/town_scene.h"
 #include "controllers/commands/command_options.h"
 #include "controllers/commands/commands.h"
 #include "controllers/output_folder.h"
-#include "controllers/progress.h"
 
 #include <filesystem>
 #include <iostream>

@@ -10,6 +10,7 @@
 #include "colmap_ext/model/rig_writer.h"
 #include "colmap_ext/output_file.h"
 #include "controllers/commands/commands.h"
+#include "controllers/component_checkpoints.h"
 #include "controllers/georeference_file.h"
 #include "controllers/mapper_report.h"
 #include "controllers/mapper_summary.h"
@@ -19,6 +20,8 @@
 #include "controllers/report/report_page.h"
 #include "sfm/mapping/depth_kind_check.h"
 #include "sfm/mapping/rig_model.h"
+#include "sfm/mapping_fingerprint.h"
+#include "sfm/memory_prediction.h"
 
 #include <filesystem>
 #include <iostream>
@@ -133,6 +136,15 @@ void WarnOfTurnedImages(const GlobalDepthMapperOptions& options,
                   "depth_importer --displayed_image_path";
 }
 
+// Maps of unknown scale and shift, which are converted before they are used.
+KeypointDepthMap AffineDepthsOf(const KeypointDepthMap& depths) {
+  KeypointDepthMap affine;
+  for (const auto& [image_id, image_depths] : depths) {
+    if (IsAffine(image_depths.unit)) affine.emplace(image_id, image_depths);
+  }
+  return affine;
+}
+
 RigScene LoadRigs(const GlobalDepthMapperOptions& options, const Scene& scene) {
   if (options.ignore_rigs) return {};
   const RigScene rigs = options.rig_config_path.empty()
@@ -223,9 +235,13 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_, scene, depths);
   }
-  const KeypointDepthMap given_depths = depths;
+  KeypointDepthMap given_depths = AffineDepthsOf(depths);
   const RelativeDepths relative =
       ConvertRelativeDepths(options_.verifier, &scene, &depths, &stages);
+  if (options_.memory_limit_gb > 0) {
+    CheckMemory(
+        options_.memory_limit_gb, options_.mapper.tracks, SizeByMatches(scene));
+  }
   PairScores scores;
   if (!options_.pair_scores_path.empty()) {
     scores = ReadPairScores(options_.pair_scores_path, scene);
@@ -233,6 +249,17 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   PairGeometries pairs =
       LoadOrVerifyPairs(scene, depths, relative.conversions, &stages);
 
+  {
+    StageTimer timer("memory_prediction");
+    timer
+        .Add("predicted_gb",
+             PredictMemoryGb(options_.mapper.tracks,
+                             SizeByInliers(scene, pairs)))
+        .Finish(&stages);
+  }
+  ComponentCheckpoints checkpoints(
+      options_.output_path,
+      MappingFingerprint(MappingText(options_), scores, scene, depths, pairs));
   // The report shows cameras as the database has them.
   const CameraMap given_cameras = scene.cameras;
   DepthGlobalMapperResult result =
@@ -241,8 +268,12 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                        scores,
                        &scene,
                        &depths,
-                       &pairs);
+                       &pairs,
+                       &checkpoints);
   scene.cameras = given_cameras;
+  // All maps as they were imported: those that no stage converted are moved.
+  given_depths.merge(result.dropped_depths);
+  given_depths.merge(depths);
   for (const std::string& warning :
        WarningsOfDepthKinds(scene, given_depths, result.models)) {
     LOG(WARNING) << warning;
@@ -263,6 +294,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
     StageReportPage(folder, result.models.size());
   }
   folder.Publish();
+  checkpoints.Remove();
   if (options_.write_pair_statuses) WritePairStatuses(pairs);
 
   return Summarize(scene, result, options_.output_path);

@@ -283,6 +283,19 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->max_num_keypoints_per_image,
                        "matched key points of an image that are used, with "
                        "dense matches; 0 = all");
+  TrackOptions& tracks = options->mapper.tracks;
+  command_options->Add("max_num_tracks",
+                       &tracks.max_num_tracks,
+                       "tracks of a model, those that tell most; 0 = all");
+  command_options->Add("max_num_observations_per_image",
+                       &tracks.max_num_observations_per_image,
+                       "points of a model that an image sees, those that tell "
+                       "most, which bounds the memory; 0 = all");
+  command_options->Add("memory_limit_gb",
+                       &options->memory_limit_gb,
+                       "memory that the mapping may take: if it is predicted "
+                       "to need more, it ends with an error that names the "
+                       "remedy before the work begins [GB]; 0 = any");
   command_options->Add("write_pair_statuses",
                        &options->write_pair_statuses,
                        "whether the database gets the pairs as they are "
@@ -296,6 +309,16 @@ void BindOptions(GlobalDepthMapperOptions* options,
       "paper", &options->paper, "method and thresholds of the paper");
   BindPosePriors(options, command_options);
   BindMapper(&options->mapper, command_options);
+}
+
+std::string MappingText(GlobalDepthMapperOptions options) {
+  options.output_path.clear();
+  options.verifier.database_path.clear();
+  options.verifier.verification.num_threads = -1;
+  options.memory_limit_gb = 0;
+  CommandOptions command_options("", "");
+  BindOptions(&options, &command_options);
+  return command_options.ProjectText();
 }
 
 void ApplyPaperPreset(GlobalDepthMapperOptions* options) {

@@ -34,6 +34,8 @@ struct GlobalDepthMapperOptions {
   // matchers give each pair its own (see ReadSceneWithFewKeypoints); pairs are
   // verified by all their matches all the same. 0 = all.
   int max_num_keypoints_per_image = 10000;
+  // Memory that the run may take, see CheckMemory [GB]; 0 = any.
+  double memory_limit_gb = 0;
   // Whether the database gets the geometry of each pair that is verified
   // (dgsfm_pair_geometries), from which a run that was broken off goes on, and
   // in the end the status of each pair (dgsfm_pair_statuses).
@@ -54,6 +56,10 @@ struct GlobalDepthMapperOptions {
 // Binds all options; call before parsing.
 void BindOptions(GlobalDepthMapperOptions* options,
                  CommandOptions* command_options);
+
+// All options but those of threads and places, with their values: what shows
+// whether a component that an earlier run mapped still holds.
+std::string MappingText(GlobalDepthMapperOptions options);
 
 // Sets the thresholds of the paper's appendix and switches stages off that it
 // does not have.

@@ -1,7 +1,7 @@
 #include "controllers/multi_view_refinement.h"
 
 #include "colmap_ext/parallel.h"
-#include "controllers/progress.h"
+#include "colmap_ext/progress.h"
 #include "estimators/median.h"
 
 #include <algorithm>

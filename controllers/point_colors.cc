@@ -3,6 +3,7 @@
 #include "colmap_ext/formats/image_header.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
+#include "colmap_ext/progress.h"
 #include "sfm/mapping/model_access.h"
 
 #include <colmap/util/bitmap.h>
@@ -68,6 +69,7 @@ void ExtractPointColors(const std::string& image_path,
   const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(*model);
   std::vector<std::vector<std::pair<colmap::point3D_t, Eigen::Vector3d>>>
       colors(image_ids.size());
+  Progress progress("Colours of the points", image_ids.size());
   ParallelFor(image_ids.size(), num_threads, [&](size_t i) {
     const colmap::Image& image = model->Image(image_ids[i]);
     try {
@@ -79,6 +81,7 @@ void ExtractPointColors(const std::string& image_path,
     } catch (const std::runtime_error& error) {
       LOG(WARNING) << "No colours: " << error.what();
     }
+    progress.Step();
   });
   // Summed in the order of images, so that threads do not change the rounding.
   std::unordered_map<colmap::point3D_t, ColorSum> sums;

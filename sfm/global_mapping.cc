@@ -20,8 +20,6 @@ namespace dgsfm {
 
 namespace {
 
-using ImageIds = std::vector<colmap::image_t>;
-
 void SetReason(const ImageIds& image_ids,
                const std::string& reason,
                std::map<colmap::image_t, std::string>* reasons) {
@@ -76,9 +74,64 @@ colmap::camera_t FirstUnusedCameraId(const Scene& scene) {
   return first;
 }
 
+MappedComponent MapImages(const MappingContext& context,
+                          const ImageIds& image_ids,
+                          bool measure_repeatability,
+                          PairGeometries* pairs,
+                          MappingLog* log) {
+  const size_t num_stages = log->stages.size();
+  const size_t num_warnings = log->warnings.size();
+  MappedComponent mapped;
+  const std::optional<ComponentRotations> rotations =
+      AverageRotationsOf(context, image_ids, pairs, log);
+  if (rotations) {
+    mapped.other_parts = rotations->other_parts;
+    RecoverPairs(context, *rotations, pairs, log);
+    mapped.result =
+        MapComponent(context, *rotations, measure_repeatability, pairs, log);
+  } else {
+    SetReason(image_ids,
+              "rotation averaging failed",
+              &mapped.result.unregistered_images);
+  }
+  mapped.pairs = OutcomesOf(image_ids, *pairs);
+  mapped.log.stages.assign(log->stages.begin() + num_stages, log->stages.end());
+  mapped.log.warnings.assign(log->warnings.begin() + num_warnings,
+                             log->warnings.end());
+  return mapped;
+}
+
+// As MapImages(), from the store where it has the component.
+MappedComponent MapOrFind(const MappingContext& context,
+                          const ImageIds& image_ids,
+                          bool measure_repeatability,
+                          ComponentStore* store,
+                          PairGeometries* pairs,
+                          MappingLog* log) {
+  if (store == nullptr) {
+    return MapImages(context, image_ids, measure_repeatability, pairs, log);
+  }
+  std::optional<MappedComponent> found = store->Find(image_ids);
+  if (!found) {
+    MappedComponent mapped =
+        MapImages(context, image_ids, measure_repeatability, pairs, log);
+    store->Keep(image_ids, mapped);
+    return mapped;
+  }
+  LOG(INFO) << "The " << image_ids.size() << " images from "
+            << context.scene.images.at(image_ids.front()).Name()
+            << " on were mapped by the run that was broken off";
+  ApplyOutcomes(found->pairs, pairs);
+  log->stages.insert(
+      log->stages.end(), found->log.stages.begin(), found->log.stages.end());
+  for (const std::string& warning : found->log.warnings) log->Warn(warning);
+  return std::move(*found);
+}
+
 // Maps component after component; parts that rotation averaging cuts off are
 // components of their own.
 void MapComponents(const MappingContext& context,
+                   ComponentStore* store,
                    PairGeometries* pairs,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
@@ -95,14 +148,11 @@ void MapComponents(const MappingContext& context,
                 &result->unregistered_images);
       continue;
     }
-    const std::optional<ComponentRotations> rotations =
-        AverageRotationsOf(context, image_ids, pairs, log);
-    if (!rotations) {
-      SetReason(
-          image_ids, "rotation averaging failed", &result->unregistered_images);
-      continue;
-    }
-    for (const ImageIds& part : rotations->other_parts) {
+    const bool measure_repeatability =
+        options.measure_repeatability && !result->repeatability;
+    MappedComponent mapped =
+        MapOrFind(context, image_ids, measure_repeatability, store, pairs, log);
+    for (const ImageIds& part : mapped.other_parts) {
       if (options.multiple_models) {
         components.push_back(part);
       } else {
@@ -111,12 +161,7 @@ void MapComponents(const MappingContext& context,
                   &result->unregistered_images);
       }
     }
-    RecoverPairs(context, *rotations, pairs, log);
-    const bool measure_repeatability =
-        options.measure_repeatability && !result->repeatability;
-    AddComponent(
-        MapComponent(context, *rotations, measure_repeatability, pairs, log),
-        result);
+    AddComponent(std::move(mapped.result), result);
   }
 }
 
@@ -230,7 +275,8 @@ DepthGlobalMapperResult RunGlobalMapping(
     const PairScores& pair_scores,
     Scene* scene,
     KeypointDepthMap* depths,
-    PairGeometries* pairs) {
+    PairGeometries* pairs,
+    ComponentStore* store) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   DGSFM_CHECK(verification.IsValid(&error)) << error;
@@ -239,7 +285,8 @@ DepthGlobalMapperResult RunGlobalMapping(
   MappingLog log;
   const CameraBeliefs camera_beliefs = GivenBeliefs(*scene);
   DropStaticBackground(options, verification, *depths, scene, pairs, &log);
-  DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
+  result.dropped_depths =
+      DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
   FilterPairs(options, pair_scores, pairs, &log);
   JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
   result.focals =
@@ -248,7 +295,7 @@ DepthGlobalMapperResult RunGlobalMapping(
   const FrameMembers frames = MembersOf(scene->rigs);
   const MappingContext context = {
       options, verification, *scene, *depths, frames, camera_beliefs};
-  MapComponents(context, pairs, &result, &log);
+  MapComponents(context, store, pairs, &result, &log);
   ArrangeModels(context, &result, &log);
   MeasureUnits(context, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);

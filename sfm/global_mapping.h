@@ -3,7 +3,7 @@
 
 #pragma once
 
-#include "sfm/mapping/component_mapping.h"
+#include "sfm/component_store.h"
 #include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping_context.h"
 
@@ -31,6 +31,8 @@ struct DepthGlobalMapperResult {
   std::vector<std::string> warnings;
   // Repeatability of the first model, with measure_repeatability.
   std::optional<PoseMetrics> repeatability;
+  // Maps that were not used, as they contradict their pairs.
+  KeypointDepthMap dropped_depths;
   // Depth-map factors of the registered images against their model.
   std::map<colmap::image_t, double> depth_scales;
 };
@@ -39,6 +41,7 @@ struct DepthGlobalMapperResult {
 // their status, cameras of the scene their averaged focal lengths, matches at
 // rest leave the scene, and unreliable maps leave `depths`. `verification` is
 // for pairs that are verified once more; its threads are those of all stages.
+// Components that the store has are not mapped again, all others kept in it.
 // Throws std::invalid_argument if options are not valid.
 DepthGlobalMapperResult RunGlobalMapping(
     const DepthGlobalMapperOptions& options,
@@ -46,6 +49,7 @@ DepthGlobalMapperResult RunGlobalMapping(
     const PairScores& pair_scores,
     Scene* scene,
     KeypointDepthMap* depths,
-    PairGeometries* pairs);
+    PairGeometries* pairs,
+    ComponentStore* store = nullptr);
 
 }  // namespace dgsfm

@@ -82,6 +82,12 @@ std::string DescribeDepth(const Reports& reports) {
                          : "Depth: maps of " + CountText(num_images, "image");
 }
 
+std::string DescribeMemory(const Reports& reports) {
+  return "Memory: about " +
+         Number("%.1f", reports.Find("predicted_gb").value_or(0)) +
+         " GB in the end";
+}
+
 // Names of statuses are those of PairStatusName.
 std::string WithSpaces(std::string name) {
   std::replace(name.begin(), name.end(), '_', ' ');
@@ -146,6 +152,9 @@ std::string DescribeInitialization(const Reports& reports) {
   return "First positions: " +
          CountText(reports.Count("images", "initialization"), "image") + ", " +
          CountText(reports.Count("tracks"), "track") +
+         (reports.Count("tracks_established") > 0
+              ? " of " + CountText(reports.Count("tracks_established"), "track")
+              : "") +
          IfAny(reports.Count("pairs_filtered", "translation_averaging"),
                "pair",
                "left out");
@@ -220,6 +229,7 @@ const std::vector<Chapter>& Chapters() {
       {{"load_scene"}, "load_scene", false, &DescribeScene},
       {{"load_depth"}, "load_depth", false, &DescribeDepth},
       {{"pair_verification"}, "pair_verification", false, &DescribePairs},
+      {{"memory_prediction"}, "memory_prediction", false, &DescribeMemory},
       {{"static_background",
         "depth_reliability",
         "view_graph_filter",

@@ -3,6 +3,7 @@
 #include "colmap_ext/formats/image_header.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
+#include "colmap_ext/progress.h"
 
 #include <algorithm>
 #include <cmath>
@@ -77,12 +78,14 @@ std::vector<std::string> MakeThumbnails(const std::string& image_path,
       std::sqrt(bytes_per_image / kBytesPerPixel * 4 / 3), kMinSize, kMaxSize);
   std::vector<std::string> thumbnails(names.size());
   std::vector<std::string> errors(names.size());
+  Progress progress("Pictures of the report", names.size());
   ParallelFor(names.size(), num_threads, [&](size_t i) {
     try {
       thumbnails[i] = MakeThumbnail(PathInside(image_path, names[i]), size);
     } catch (const std::runtime_error& error) {
       errors[i] = error.what();
     }
+    progress.Step();
   });
   size_t num_missing = 0;
   std::string reason;

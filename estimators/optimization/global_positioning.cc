@@ -210,6 +210,7 @@ PointMinimizerSummary Minimize(
                              centers,
                              points);
   PointMinimizerOptions minimizer;
+  minimizer.label = "Global positioning";
   minimizer.max_num_iterations = options.max_num_iterations;
   minimizer.function_tolerance = options.function_tolerance;
   minimizer.num_threads = options.num_threads;

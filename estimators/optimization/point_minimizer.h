@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include "colmap_ext/progress.h"
 #include "estimators/optimization/point_elimination.h"
 #include "estimators/optimization/reduced_system.h"
 
@@ -9,6 +10,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -18,6 +20,8 @@
 namespace dgsfm {
 
 struct PointMinimizerOptions {
+  // Of the progress that is shown; empty = none.
+  std::string label;
   int max_num_iterations = 100;
   // Relative decrease of the cost by one step at which it has converged [1].
   double function_tolerance = 1e-6;
@@ -99,6 +103,9 @@ class PointMinimizer {
     summary.initial_cost = summary.final_cost = cost;
     summary.success = std::isfinite(cost);
     if (!summary.success) return summary;
+    IterationProgress progress(options_.label,
+                               options_.function_tolerance,
+                               size_t(options_.max_num_iterations));
     cost -= LinearizeAndRefinePoints(cost);
     summary.final_cost = cost;
     while (summary.num_iterations < options_.max_num_iterations &&
@@ -106,6 +113,7 @@ class PointMinimizer {
       ++summary.num_iterations;
       const double decrease = TryStep();
       if (!(decrease > 0)) {
+        progress.Step();
         Reject();
         continue;
       }
@@ -116,6 +124,7 @@ class PointMinimizer {
         // Not larger than rounding.
         summary.converged = decrease < kRoundingShare * cost;
         if (summary.converged) break;
+        progress.Step();
         Reject();
         continue;
       }
@@ -127,6 +136,7 @@ class PointMinimizer {
       summary.converged =
           last_cost - cost <= options_.function_tolerance * last_cost;
       if (summary.converged) break;
+      progress.Step((last_cost - cost) / last_cost);
     }
     return summary;
   }

@@ -80,6 +80,15 @@ ReducedSystem::ReducedSystem(int num_columns,
   is_iterative_ = cholesky_.cholmod().lnz > max_num_factor_entries;
 }
 
+double ReducedSystem::NumFactorEntries(int num_columns,
+                                       const Pattern& pattern) {
+  Eigen::CholmodSupernodalLLT<SparseMatrix, Eigen::Lower> cholesky;
+  cholesky.cholmod().print = 0;
+  cholesky.analyzePattern(
+      SparseLowerTriangle<SparseMatrix>(num_columns, pattern));
+  return cholesky.cholmod().lnz;
+}
+
 int64_t ReducedSystem::EntryOf(int column1, int column2) const {
   const auto [column, row] = std::minmax(column1, column2);
   if (is_dense_) return int64_t(column) * num_columns_ + row;

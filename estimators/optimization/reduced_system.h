@@ -34,6 +34,9 @@ class ReducedSystem {
                 const Pattern& pattern,
                 double max_num_factor_entries = kMaxNumFactorEntries);
 
+  // Entries of the sparse factor of so many columns, whatever their number.
+  static double NumFactorEntries(int num_columns, const Pattern& pattern);
+
   int NumColumns() const { return num_columns_; }
   // Place of the entry of two columns, in either order, among the values. It
   // stands for both entries of the symmetric matrix.

@@ -1,7 +1,7 @@
 #include "python/src/call.h"
 
 #include "colmap_ext/cancellation.h"
-#include "controllers/progress.h"
+#include "colmap_ext/progress.h"
 
 #include <chrono>
 #include <condition_variable>

@@ -1,9 +1,9 @@
 #include "sfm/intrinsics/intrinsics_posterior.h"
 
-#include "colmap_ext/pose_access.h"
-#include "estimators/optimization/point_elimination.h"
+#include "colmap_ext/parallel.h"
 #include "estimators/optimization/reduced_system.h"
 #include "sfm/intrinsics/posterior_columns.h"
+#include "sfm/intrinsics/posterior_observations.h"
 #include "sfm/mapping/model_access.h"
 
 #include <algorithm>
@@ -50,24 +50,25 @@ Eigen::Matrix<double, kNumMonomials, 1> Monomials(
 class PosteriorProblem {
  public:
   PosteriorProblem(const BundleAdjustmentOptions& options,
+                   int num_threads,
                    const CameraBeliefs& beliefs,
                    const colmap::Reconstruction& model,
                    IntrinsicsBlocks blocks,
                    size_t max_num_images)
-      : options_(options),
+      : num_threads_(EffectiveNumThreads(num_threads)),
         model_(model),
-        unknowns_(options.intrinsics, beliefs, model, blocks, max_num_images) {
-    AddObservations();
-  }
+        unknowns_(options.intrinsics, beliefs, model, blocks, max_num_images),
+        observed_(
+            kLossFactor * options.loss_scale_px, unknowns_.image_ids, model) {}
 
   std::optional<IntrinsicsPosterior> Solve() {
     const std::optional<double> unit_variance = UnitVariance();
     if (!unit_variance) return std::nullopt;
     Elimination elimination(
-        index_,
+        observed_.index,
         unknowns_.columns,
-        [this](int k, Elimination::Row* row) { Linearize(k, row); },
-        /*num_threads=*/1);
+        [this](int k, Elimination::Row* row) { observed_.Linearize(k, row); },
+        num_threads_);
     ReducedSystem system(unknowns_.num_columns, [&](const auto& couple) {
       elimination.ForEachCoupling(couple);
     });
@@ -94,124 +95,22 @@ class PosteriorProblem {
   }
 
  private:
-  using Elimination = PointElimination<2, kNumPoseParams + kMaxNumCameraParams>;
-
-  struct Observation {
-    int image = 0;
-    colmap::point2D_t point2D_idx = 0;
-    // Weight by the soft L1 loss.
-    double weight = 1;
-    // Squared norm of the residual times its weight.
-    double squared_norm = 0;
-  };
-
-  // Those of the chosen images that the camera models can project, of points
-  // with two or more.
-  void AddObservations() {
-    index_.num_cameras = int(unknowns_.image_ids.size());
-    for (const colmap::point3D_t point_id : SortedPoints(model_)) {
-      std::vector<Observation> observations;
-      for (const colmap::TrackElement& element :
-           model_.Point3D(point_id).Track().Elements()) {
-        const auto image = std::lower_bound(unknowns_.image_ids.begin(),
-                                            unknowns_.image_ids.end(),
-                                            element.image_id);
-        Observation observation;
-        observation.image = int(image - unknowns_.image_ids.begin());
-        observation.point2D_idx = element.point2D_idx;
-        if (image != unknowns_.image_ids.end() && *image == element.image_id &&
-            Weigh(&observation)) {
-          observations.push_back(observation);
-        }
-      }
-      if (observations.size() < 2) continue;
-      std::stable_sort(
-          observations.begin(),
-          observations.end(),
-          [](const auto& a, const auto& b) { return a.image < b.image; });
-      for (const Observation& observation : observations) {
-        index_.cameras.push_back(observation.image);
-        index_.points.push_back(index_.num_points);
-        observations_.push_back(observation);
-      }
-      ++index_.num_points;
-    }
-  }
-
-  // The point of the observation in the frame of its camera before the
-  // translation, and where it is seen, with derivatives.
-  bool Project(const Observation& observation,
-               Eigen::Vector3d* rotated,
-               Eigen::Vector2d* residual_px,
-               ProjectionJacobian* by) const {
-    const colmap::Image& image = ImageOf(observation.image);
-    const colmap::Camera& camera = model_.Camera(image.CameraId());
-    const colmap::Point2D& point2D = image.Point2D(observation.point2D_idx);
-    const Rigid3d cam_from_world = CamFromWorld(image);
-    *rotated =
-        cam_from_world.rotation * model_.Point3D(point2D.Point3DId()).XYZ();
-    if (!ProjectionOfModel(camera.ModelId())(
-            camera.ParamsData(),
-            *rotated + cam_from_world.translation,
-            residual_px,
-            by)) {
-      return false;
-    }
-    *residual_px -= point2D.XY();
-    return true;
-  }
-
-  // False if the camera model cannot project the point.
-  bool Weigh(Observation* observation) const {
-    Eigen::Vector3d rotated;
-    Eigen::Vector2d residual_px;
-    ProjectionJacobian by;
-    if (!Project(*observation, &rotated, &residual_px, &by)) return false;
-    const double loss_scale_px = kLossFactor * options_.loss_scale_px;
-    observation->weight =
-        1 / std::sqrt(1 + residual_px.squaredNorm() /
-                              (loss_scale_px * loss_scale_px));
-    observation->squared_norm =
-        (std::sqrt(observation->weight) * residual_px).squaredNorm();
-    return true;
-  }
-
-  // The residual, whitened by its weight.
-  void Linearize(int k, Elimination::Row* row) const {
-    const Observation& observation = observations_[size_t(k)];
-    Eigen::Vector3d rotated;
-    ProjectionJacobian by;
-    Project(observation, &rotated, &row->residual, &by);
-    const double root = std::sqrt(observation.weight);
-    row->residual *= root;
-    row->by_camera.setZero();
-    const Rigid3d cam_from_world = CamFromWorld(ImageOf(observation.image));
-    for (int i = 0; i < 2; ++i) {
-      const Eigen::Vector3d by_point = root * by.point.row(i);
-      row->by_camera.block<3, 1>(0, i) = rotated.cross(by_point);
-      row->by_camera.block<3, 1>(3, i) = by_point;
-      row->by_point.col(i) = cam_from_world.rotation.conjugate() * by_point;
-    }
-    const auto num_params =
-        Eigen::Index(CameraOf(observation.image).NumParams());
-    row->by_camera.middleRows(kNumPoseParams, num_params) =
-        root * by.params.leftCols(num_params).transpose();
-  }
+  using Elimination = PosteriorObservations::Elimination;
 
   // Variance of the residuals that the weights are relative to (Huber, Robust
   // Statistics, Eq. 7.81); nothing without redundancy.
   std::optional<double> UnitVariance() const {
     double sum_weights = 0, sum_slopes = 0, sum_squared_influences = 0;
-    for (size_t k = 0; k < observations_.size(); ++k) {
-      const double weight = observations_[k].weight;
+    for (const auto& observation : observed_.observations) {
+      const double weight = observation.weight;
       sum_weights += weight;
       // Derivative of the influence of a residual, the mean of both directions.
       sum_slopes += (weight + weight * weight * weight) / 2;
-      sum_squared_influences += weight * observations_[k].squared_norm;
+      sum_squared_influences += weight * observation.squared_norm;
     }
-    const double count = double(observations_.size());
+    const double count = double(observed_.observations.size());
     const double redundancy =
-        2 * count - unknowns_.num_columns - 3. * index_.num_points;
+        2 * count - unknowns_.num_columns - 3. * observed_.index.num_points;
     if (!(redundancy > 0) || sum_squared_influences == 0) return std::nullopt;
     const double mean_slope = sum_slopes / count;
     return sum_weights / count * sum_squared_influences / redundancy /
@@ -274,37 +173,119 @@ class PosteriorProblem {
     return posterior;
   }
 
-  // Derivatives of the free columns by the residuals of the observations of a
-  // point, up to their sign.
-  std::vector<Eigen::MatrixX2d> InfluencesOf(
-      const Elimination& elimination,
-      const Eigen::MatrixXd& inverse,
-      int point,
-      const std::vector<Elimination::Row>& rows) const {
-    std::vector<Eigen::MatrixX2d> influences;
-    Eigen::MatrixX3d by_point = Eigen::MatrixX3d::Zero(inverse.cols(), 3);
-    const int begin = elimination.PointBegin(point);
-    for (int k = begin; k < elimination.PointEnd(point); ++k) {
-      const Elimination::Row& row = rows[k - begin];
-      Eigen::MatrixX2d& influence =
-          influences.emplace_back(Eigen::MatrixX2d::Zero(inverse.cols(), 2));
+  // What errors of the images shift the free columns by, a row each.
+  struct Shifts {
+    // Sum of the squared shifts by the residuals of each point.
+    Eigen::VectorXd sandwich;
+    // By a unit coefficient of each smooth error of each image, the monomials
+    // of the horizontal errors first.
+    std::vector<Eigen::Matrix<double, Eigen::Dynamic, 2 * kNumMonomials>>
+        by_image;
+  };
+
+  // Derivatives of free columns, those of the rows of the transposed inverse,
+  // by the residuals of the observations of a point, up to their sign. Products
+  // are written out by columns: matrices this narrow are faster so, and each
+  // row is the same with any others.
+  template <typename Rows>
+  void InfluencesOf(const Elimination& elimination,
+                    const Rows& inverse,
+                    int point,
+                    const std::vector<Elimination::Row>& rows,
+                    std::vector<Eigen::MatrixX2d>* influences) const {
+    Eigen::MatrixX3d by_point = Eigen::MatrixX3d::Zero(inverse.rows(), 3);
+    for (size_t k = 0; k < rows.size(); ++k) {
+      const Elimination::Row& row = rows[k];
+      Eigen::MatrixX2d& influence = (*influences)[k];
+      influence.setZero(inverse.rows(), 2);
       const Elimination::CameraColumns& columns =
-          unknowns_.columns[observations_[k].image];
+          unknowns_.columns
+              [observed_.observations[size_t(elimination.PointBegin(point)) + k]
+                   .image];
       for (size_t i = 0; i < columns.size(); ++i) {
         if (columns[i] < 0) continue;
-        influence.noalias() += inverse.row(columns[i]).transpose() *
-                               row.by_camera.row(Eigen::Index(i));
+        for (int axis = 0; axis < 2; ++axis) {
+          influence.col(axis) +=
+              row.by_camera(Eigen::Index(i), axis) * inverse.col(columns[i]);
+        }
       }
-      by_point.noalias() += influence * row.by_point.transpose();
+      for (int i = 0; i < 3; ++i) {
+        by_point.col(i) += influence.col(0) * row.by_point(i, 0) +
+                           influence.col(1) * row.by_point(i, 1);
+      }
     }
     Eigen::Matrix3d hessian =
         elimination.NormalEquations(point, rows.data()).first;
     hessian.diagonal() *= 1 + kDamping;
-    by_point *= hessian.llt().solve(Eigen::Matrix3d::Identity());
-    for (int k = begin; k < elimination.PointEnd(point); ++k) {
-      influences[k - begin].noalias() -= by_point * rows[k - begin].by_point;
+    const Eigen::Matrix3d inverse_hessian =
+        hessian.llt().solve(Eigen::Matrix3d::Identity());
+    for (size_t k = 0; k < rows.size(); ++k) {
+      const Eigen::Matrix<double, 3, 2> factor =
+          inverse_hessian * rows[k].by_point;
+      for (int axis = 0; axis < 2; ++axis) {
+        (*influences)[k].col(axis) -= by_point.col(0) * factor(0, axis) +
+                                      by_point.col(1) * factor(1, axis) +
+                                      by_point.col(2) * factor(2, axis);
+      }
     }
-    return influences;
+  }
+
+  // Fills in the shifts of a range of the free columns.
+  void FindShifts(const Elimination& elimination,
+                  const Eigen::MatrixXd& transposed_inverse,
+                  Eigen::Index begin,
+                  Eigen::Index size,
+                  Shifts* shifts) const {
+    const auto inverse = transposed_inverse.middleRows(begin, size);
+    std::vector<Elimination::Row> rows;
+    std::vector<Eigen::MatrixX2d> influences;
+    Eigen::VectorXd shift(size);
+    for (int point = 0; point < observed_.index.num_points; ++point) {
+      const int first = elimination.PointBegin(point);
+      rows.resize(size_t(elimination.PointEnd(point) - first));
+      if (influences.size() < rows.size()) influences.resize(rows.size());
+      for (size_t k = 0; k < rows.size(); ++k) {
+        observed_.Linearize(first + int(k), &rows[k]);
+      }
+      InfluencesOf(elimination, inverse, point, rows, &influences);
+      shift.setZero();
+      for (size_t k = 0; k < rows.size(); ++k) {
+        const auto& observation = observed_.observations[size_t(first) + k];
+        const colmap::Image& image = observed_.ImageOf(observation.image);
+        const Eigen::Matrix<double, kNumMonomials, 1> monomials =
+            std::sqrt(observation.weight) *
+            Monomials(observed_.CameraOf(observation.image),
+                      image.Point2D(observation.point2D_idx).XY());
+        for (int axis = 0; axis < 2; ++axis) {
+          const auto influence = influences[k].col(axis);
+          shift += influence * rows[k].residual(axis);
+          for (int i = 0; i < kNumMonomials; ++i) {
+            shifts->by_image[size_t(observation.image)]
+                .col(axis * kNumMonomials + i)
+                .segment(begin, size) += influence * monomials(i);
+          }
+        }
+      }
+      shifts->sandwich.segment(begin, size) += shift.cwiseAbs2();
+    }
+  }
+
+  // Threads share the free columns: each sum is formed by one of them.
+  Shifts ShiftsOf(const Elimination& elimination,
+                  const Eigen::MatrixXd& inverse) const {
+    const Eigen::Index count = inverse.cols();
+    Shifts shifts;
+    shifts.sandwich = Eigen::VectorXd::Zero(count);
+    shifts.by_image.resize(unknowns_.image_ids.size());
+    for (auto& shift : shifts.by_image) shift.setZero(count, 2 * kNumMonomials);
+    const Eigen::MatrixXd transposed = inverse.transpose();
+    const auto num_ranges = std::min<Eigen::Index>(num_threads_, count);
+    ParallelFor(size_t(num_ranges), num_threads_, [&](size_t i) {
+      const Eigen::Index begin = count * Eigen::Index(i) / num_ranges;
+      const Eigen::Index end = count * (Eigen::Index(i) + 1) / num_ranges;
+      FindShifts(elimination, transposed, begin, end - begin, &shifts);
+    });
+    return shifts;
   }
 
   // Covariances of the free columns, see EstimateIntrinsicsPosterior.
@@ -315,53 +296,24 @@ class PosteriorProblem {
   Covariances RealisticCovariances(const Elimination& elimination,
                                    const Eigen::MatrixXd& inverse,
                                    Eigen::MatrixXd covariance) const {
-    const Eigen::Index count = inverse.cols();
-    Eigen::VectorXd sandwich = Eigen::VectorXd::Zero(count);
-    // Shifts by a unit coefficient of each smooth error, the monomials of the
-    // horizontal errors first.
-    using Shifts = Eigen::Matrix<double, Eigen::Dynamic, 2 * kNumMonomials>;
-    std::map<int, Shifts> shifts;
-    for (int point = 0; point < index_.num_points; ++point) {
-      const int begin = elimination.PointBegin(point);
-      std::vector<Elimination::Row> rows(elimination.PointEnd(point) - begin);
-      for (size_t i = 0; i < rows.size(); ++i)
-        Linearize(begin + int(i), &rows[i]);
-      const std::vector<Eigen::MatrixX2d> influences =
-          InfluencesOf(elimination, inverse, point, rows);
-      Eigen::VectorXd shift = Eigen::VectorXd::Zero(count);
-      for (size_t i = 0; i < influences.size(); ++i) {
-        const Observation& observation = observations_[size_t(begin) + i];
-        shift.noalias() += influences[i] * rows[i].residual;
-        const auto image = shifts.try_emplace(
-            observation.image, Shifts::Zero(count, 2 * kNumMonomials));
-        const auto monomials = (std::sqrt(observation.weight) *
-                                Monomials(CameraOf(observation.image),
-                                          ImageOf(observation.image)
-                                              .Point2D(observation.point2D_idx)
-                                              .XY()))
-                                   .eval();
-        for (int axis = 0; axis < 2; ++axis) {
-          image.first->second
-              .template middleCols<kNumMonomials>(axis * kNumMonomials)
-              .noalias() += influences[i].col(axis) * monomials.transpose();
-        }
-      }
-      sandwich += shift.cwiseAbs2();
-    }
+    const Shifts shifts = ShiftsOf(elimination, inverse);
     const Eigen::VectorXd factors =
-        (sandwich.array() / covariance.diagonal().array()).max(1.0).sqrt();
+        (shifts.sandwich.array() / covariance.diagonal().array())
+            .max(1.0)
+            .sqrt();
     covariance = factors.asDiagonal() * covariance * factors.asDiagonal();
     const Eigen::MatrixXd of_keypoints = covariance;
 
-    std::map<uint32_t, Shifts> common_shifts;
-    for (const auto& [image, shift] : shifts) {
-      const Shifts scaled =
-          kSmoothErrorRatio * LargerSide(CameraOf(image)) * shift;
+    std::map<uint32_t, Eigen::MatrixXd> common_shifts;
+    for (size_t i = 0; i < shifts.by_image.size(); ++i) {
+      const Eigen::MatrixXd scaled = kSmoothErrorRatio *
+                                     LargerSide(observed_.CameraOf(int(i))) *
+                                     shifts.by_image[i];
       covariance.noalias() += scaled * scaled.transpose();
-      common_shifts
-          .try_emplace(unknowns_.BlockOf(ImageOf(image)),
-                       Shifts::Zero(count, 2 * kNumMonomials))
-          .first->second += scaled;
+      Eigen::MatrixXd& common =
+          common_shifts[unknowns_.BlockOf(observed_.ImageOf(int(i)))];
+      if (common.size() == 0) common.setZero(scaled.rows(), scaled.cols());
+      common += scaled;
     }
     for (const auto& [block_id, shift] : common_shifts) {
       covariance.noalias() += shift * shift.transpose();
@@ -369,30 +321,24 @@ class PosteriorProblem {
     return {of_keypoints, covariance};
   }
 
-  const colmap::Image& ImageOf(int image) const {
-    return model_.Image(unknowns_.image_ids[size_t(image)]);
-  }
-  const colmap::Camera& CameraOf(int image) const {
-    return model_.Camera(ImageOf(image).CameraId());
-  }
-
-  const BundleAdjustmentOptions& options_;
+  const int num_threads_;
   const colmap::Reconstruction& model_;
   const PosteriorColumns unknowns_;
-  ObservationIndex index_;
-  std::vector<Observation> observations_;
+  const PosteriorObservations observed_;
 };
 
 }  // namespace
 
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
+    int num_threads,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model,
     IntrinsicsBlocks blocks,
     size_t max_num_images) {
   if (model.NumPoints3D() == 0) return std::nullopt;
-  return PosteriorProblem(options, beliefs, model, blocks, max_num_images)
+  return PosteriorProblem(
+             options, num_threads, beliefs, model, blocks, max_num_images)
       .Solve();
 }
 

@@ -51,9 +51,10 @@ struct IntrinsicsPosterior {
 //
 // Models of more than max_num_images images are judged by so many of them,
 // those that share the most points. Nothing if there are no more observations
-// than unknowns.
+// than unknowns. The same for any number of threads.
 std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const BundleAdjustmentOptions& options,
+    int num_threads,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model,
     IntrinsicsBlocks blocks = IntrinsicsBlocks::BY_CAMERA,

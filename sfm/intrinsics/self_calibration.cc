@@ -20,7 +20,8 @@ std::set<colmap::camera_t> HeldPrincipalPoints(
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
   const std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(options.bundle_adjustment, beliefs, model);
+      EstimateIntrinsicsPosterior(
+          options.bundle_adjustment, options.num_threads, beliefs, model);
   if (!posterior) {
     std::set<colmap::camera_t> all;
     for (const auto& [camera_id, camera] : model.Cameras()) {
@@ -91,8 +92,11 @@ std::vector<colmap::image_t> FindContradictingImages(
   BundleAdjustmentOptions adjustment = options.bundle_adjustment;
   adjustment.intrinsics.refine_principal_point = false;
   const std::optional<IntrinsicsPosterior> by_image =
-      EstimateIntrinsicsPosterior(
-          adjustment, beliefs, model, IntrinsicsBlocks::BY_IMAGE);
+      EstimateIntrinsicsPosterior(adjustment,
+                                  options.num_threads,
+                                  beliefs,
+                                  model,
+                                  IntrinsicsBlocks::BY_IMAGE);
   if (!by_image) return {};
   return FindDeviatingImages(beliefs, *by_image, model);
 }
@@ -126,6 +130,7 @@ CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
 
 std::map<colmap::camera_t, CameraResult> SummarizeCameras(
     const BundleAdjustmentOptions& options,
+    int num_threads,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model) {
   std::map<colmap::camera_t, CameraResult> results;
@@ -138,7 +143,7 @@ std::map<colmap::camera_t, CameraResult> SummarizeCameras(
     result.group = beliefs.FirstOfGroup(camera_id);
   }
   const std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(options, beliefs, model);
+      EstimateIntrinsicsPosterior(options, num_threads, beliefs, model);
   if (!posterior) return results;
   for (auto& [camera_id, result] : results) {
     const auto first = posterior->first_params.find(result.group);

@@ -23,6 +23,8 @@ struct SelfCalibrationOptions {
   BundleAdjustmentOptions bundle_adjustment;
   // Adjusts a model with these options.
   ModelAdjuster adjust;
+  // Of the estimates of posteriors; -1 = all cores.
+  int num_threads = 1;
 };
 
 // Ties all cameras of a kind in `beliefs` and gives each group in the model the
@@ -59,6 +61,7 @@ struct CameraResult {
 
 std::map<colmap::camera_t, CameraResult> SummarizeCameras(
     const BundleAdjustmentOptions& options,
+    int num_threads,
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model);
 

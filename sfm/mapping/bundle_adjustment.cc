@@ -92,6 +92,7 @@ class ModelBundle {
     const size_t num_observations = bundle_.observations.size();
     if (num_observations == 0) return std::nullopt;
     PointMinimizerOptions options;
+    options.label = "Bundle adjustment";
     options.max_num_iterations = options_.max_num_iterations;
     options.function_tolerance = options_.function_tolerance;
     options.num_threads = num_observations < kMinNumObservationsForThreads

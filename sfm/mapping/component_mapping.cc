@@ -117,8 +117,16 @@ ModelInProgress StartModel(const MappingContext& context,
       AverageScalesAndFilter(context, rotations, index, pairs, log);
   ModelInProgress progress = CreateProgress(context, rotations);
   StageTimer timer("initialization");
+  const TrackOptions& track_options = context.options.tracks;
+  auto established = EstablishTracks(index, *pairs, track_options);
+  if (track_options.AreBounded()) {
+    timer.Add("tracks_established", double(established.size()));
+    established =
+        SelectTracks(track_options, context.scene, std::move(established));
+    progress.used_keypoints = KeypointsOf(established);
+  }
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
-      EstablishTracks(index, *pairs, context.options.tracks));
+      std::move(established));
   if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);
   *start = [=, &context, &rotations] {
     colmap::Reconstruction model = CreateModel(context, rotations);
@@ -185,8 +193,11 @@ void FinishCameras(const MappingContext& context,
       context.options.share_intrinsics && context.scene.rigs.Empty()
           ? FirstOfGroups(groups)
           : JoinedCameraIds(progress->cameras.origins, groups, model);
-  for (auto& [camera_id, camera] : SummarizeCameras(
-           FinalAdjustment(context, *progress), progress->beliefs, model)) {
+  for (auto& [camera_id, camera] :
+       SummarizeCameras(FinalAdjustment(context, *progress),
+                        context.verification.num_threads,
+                        progress->beliefs,
+                        model)) {
     const auto final_id = final_ids.find(camera_id);
     result->cameras.emplace(
         final_id == final_ids.end() ? camera_id : final_id->second, camera);
@@ -233,7 +244,7 @@ ComponentResult MapComponent(const MappingContext& context,
   if (success) {
     CalibrateCameras(context, &progress, log);
     CompleteTracks(context, *pairs, &progress, log);
-    JudgePairs(context, model, pairs);
+    JudgePairs(context, progress, pairs);
     HoldImplausibleCameras(context, &progress, log);
     if (measure_repeatability) {
       MeasureRepeatability(context, progress, &result, log);

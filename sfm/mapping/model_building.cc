@@ -130,6 +130,7 @@ SelfCalibrationOptions SelfCalibration(const MappingContext& context,
   SelfCalibrationOptions options;
   options.bundle_adjustment = FinalAdjustment(context, progress);
   options.adjust = FinalAdjuster(context, progress);
+  options.num_threads = context.verification.num_threads;
   return options;
 }
 

@@ -6,6 +6,7 @@
 #include "estimators/position_alignment.h"
 #include "sfm/intrinsics/camera_splitting.h"
 #include "sfm/intrinsics/self_calibration.h"
+#include "sfm/mapping/track_selection.h"
 #include "sfm/mapping_context.h"
 
 #include <functional>
@@ -25,6 +26,8 @@ struct ModelInProgress {
   // there.
   CenterPriors center_priors;
   std::optional<Similarity3d> positions_from_start;
+  // Key points that may get observations.
+  UsedKeypoints used_keypoints;
   // Residual from which the loss of the final adjustments grows linearly [px].
   double final_loss_scale_px = 0;
 };

@@ -3,6 +3,7 @@
 #include "colmap_ext/cancellation.h"
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
+#include "colmap_ext/progress.h"
 #include "estimators/two_view/two_view_model.h"
 #include "estimators/two_view/two_view_residuals.h"
 #include "sfm/mapping/model_access.h"
@@ -103,19 +104,28 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
   return consistent;
 }
 
-// Leaves out matches within a point of the model: they neither add to a track
-// nor merge two.
-void RemoveMatchesWithinPoints(const colmap::Image& image1,
-                               const colmap::Image& image2,
-                               colmap::FeatureMatches* matches) {
-  const auto is_within_point = [&](const colmap::FeatureMatch& match) {
+bool AreUsed(const UsedKeypoints& used,
+             const colmap::Image& image1,
+             const colmap::Image& image2,
+             const colmap::FeatureMatch& match) {
+  return IsUsed(used, image1.ImageId(), match.point2D_idx1) &&
+         IsUsed(used, image2.ImageId(), match.point2D_idx2);
+}
+
+// Leaves out matches within a point of the model, which neither add to a track
+// nor merge two, and those that are not to be used.
+void RemoveIdleMatches(const colmap::Image& image1,
+                       const colmap::Image& image2,
+                       const UsedKeypoints& used,
+                       colmap::FeatureMatches* matches) {
+  const auto is_idle = [&](const colmap::FeatureMatch& match) {
     const colmap::Point2D& point1 = image1.Point2D(match.point2D_idx1);
     const colmap::Point2D& point2 = image2.Point2D(match.point2D_idx2);
-    return point1.HasPoint3D() && point1.Point3DId() == point2.Point3DId();
+    return (point1.HasPoint3D() && point1.Point3DId() == point2.Point3DId()) ||
+           !AreUsed(used, image1, image2, match);
   };
-  matches->erase(
-      std::remove_if(matches->begin(), matches->end(), is_within_point),
-      matches->end());
+  matches->erase(std::remove_if(matches->begin(), matches->end(), is_idle),
+                 matches->end());
   matches->shrink_to_fit();
 }
 
@@ -170,13 +180,23 @@ bool StaysOut(PairStatus status) {
 
 // The inliers of the valid pairs between registered images.
 AgreeingMatches InliersOf(const PairGeometries& pairs,
-                          const colmap::Reconstruction& model) {
+                          const ModelInProgress& progress) {
+  const colmap::Reconstruction& model = progress.model;
   AgreeingMatches inliers;
   for (const auto& [pair_id, pair] : pairs) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (pair.status == PairStatus::VALID && IsRegistered(model, image_id1) &&
-        IsRegistered(model, image_id2)) {
-      inliers.emplace_hint(inliers.end(), pair_id, pair.inlier_matches);
+    if (pair.status != PairStatus::VALID || !IsRegistered(model, image_id1) ||
+        !IsRegistered(model, image_id2)) {
+      continue;
+    }
+    colmap::FeatureMatches& matches = inliers[pair_id];
+    for (const colmap::FeatureMatch& match : pair.inlier_matches) {
+      if (AreUsed(progress.used_keypoints,
+                  model.Image(image_id1),
+                  model.Image(image_id2),
+                  match)) {
+        matches.push_back(match);
+      }
     }
   }
   return inliers;
@@ -189,12 +209,13 @@ bool IsWorthARound(size_t num_changed, const colmap::Reconstruction& model) {
 
 AgreeingMatches AgreeingMatchesOf(const MappingContext& context,
                                   const PairGeometries& pairs,
-                                  const colmap::Reconstruction& model) {
+                                  const ModelInProgress& progress) {
   return MatchesThatAgree(context.scene,
                           pairs,
                           context.verification,
                           context.options.refinement,
-                          model);
+                          progress.model,
+                          progress.used_keypoints);
 }
 
 }  // namespace
@@ -203,7 +224,8 @@ AgreeingMatches MatchesThatAgree(const Scene& scene,
                                  const PairGeometries& pairs,
                                  const PairVerificationOptions& verification,
                                  const ModelRefinementOptions& refinement,
-                                 const colmap::Reconstruction& model) {
+                                 const colmap::Reconstruction& model,
+                                 const UsedKeypoints& used) {
   const auto keypoints = UndistortKeypoints(model, verification.num_threads);
   std::vector<colmap::image_pair_t> pair_ids;
   for (const auto& [pair_id, matches] : scene.matches) {
@@ -215,11 +237,13 @@ AgreeingMatches MatchesThatAgree(const Scene& scene,
     }
   }
   std::vector<std::optional<colmap::FeatureMatches>> open(pair_ids.size());
+  Progress progress("Matches that agree with the model", pair_ids.size());
   ParallelFor(pair_ids.size(), verification.num_threads, [&](size_t i) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_ids[i]);
     const colmap::Image& image1 = model.Image(image_id1);
     const colmap::Image& image2 = model.Image(image_id2);
     const colmap::FeatureMatches matches = MatchesOf(scene, pair_ids[i]);
+    progress.Step();
     colmap::FeatureMatches consistent =
         MatchesOnEpipolarLines(FundamentalMatrixOf(model, image1, image2),
                                keypoints.at(image_id1),
@@ -244,7 +268,7 @@ AgreeingMatches MatchesThatAgree(const Scene& scene,
                           refinement.max_completion_error_px)) {
       return;
     }
-    RemoveMatchesWithinPoints(image1, image2, &consistent);
+    RemoveIdleMatches(image1, image2, used, &consistent);
     open[i] = std::move(consistent);
   });
   AgreeingMatches agreeing;
@@ -272,9 +296,11 @@ size_t Retriangulate(const ModelRefinementOptions& options,
   triangulation.min_angle = std::max(options.min_triangulation_angle_deg, 1e-3);
   colmap::IncrementalTriangulator triangulator(&graph, model);
   const size_t num_before = model->ComputeNumObservations();
+  Progress progress("Triangulation", model->NumRegImages());
   for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
     ThrowIfCancelled();
     triangulator.TriangulateImage(triangulation, image_id);
+    progress.Step();
   }
   triangulator.CompleteAllTracks(triangulation);
   triangulator.MergeAllTracks(triangulation);
@@ -300,8 +326,8 @@ void CompleteTracks(const MappingContext& context,
     const size_t num_gained =
         Retriangulate(context.options.refinement,
                       context.options.skip_match_completion
-                          ? InliersOf(pairs, model)
-                          : AgreeingMatchesOf(context, pairs, model),
+                          ? InliersOf(pairs, *progress)
+                          : AgreeingMatchesOf(context, pairs, *progress),
                       &model);
     timer.Add("observations_gained", double(num_gained));
     num_filtered = AdjustAgain(context, progress, &timer);
@@ -320,10 +346,11 @@ void CompleteTracks(const MappingContext& context,
 }
 
 void JudgePairs(const MappingContext& context,
-                const colmap::Reconstruction& model,
+                const ModelInProgress& progress,
                 PairGeometries* pairs) {
   if (context.options.skip_pair_judging) return;
-  const AgreeingMatches agreeing = AgreeingMatchesOf(context, *pairs, model);
+  const colmap::Reconstruction& model = progress.model;
+  const AgreeingMatches agreeing = AgreeingMatchesOf(context, *pairs, progress);
   for (auto& [pair_id, pair] : *pairs) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     if (!IsRegistered(model, image_id1) || !IsRegistered(model, image_id2)) {

@@ -17,12 +17,14 @@ using AgreeingMatches = std::map<colmap::image_pair_t, colmap::FeatureMatches>;
 // entry, without the matches within one point. The poses of a model are better
 // evidence than a pair alone, its depth or its triplets. Pairs removed by their
 // translation must also agree with the points of other pairs; pairs removed by
-// an imported score or by positions stay out.
+// an imported score or by positions stay out. Matches of key points that are
+// not to be used are left out of the entries in the end.
 AgreeingMatches MatchesThatAgree(const Scene& scene,
                                  const PairGeometries& pairs,
                                  const PairVerificationOptions& verification,
                                  const ModelRefinementOptions& refinement,
-                                 const colmap::Reconstruction& model);
+                                 const colmap::Reconstruction& model,
+                                 const UsedKeypoints& used = {});
 
 // Triangulates what has no point yet, completes and merges tracks. Returns the
 // number of observations that the model gained.
@@ -40,7 +42,7 @@ void CompleteTracks(const MappingContext& context,
 // become VALID if enough of their matches agree. Pairs with images that the
 // model lacks keep their status.
 void JudgePairs(const MappingContext& context,
-                const colmap::Reconstruction& model,
+                const ModelInProgress& progress,
                 PairGeometries* pairs);
 
 }  // namespace dgsfm

@@ -3,7 +3,9 @@
 #include "estimators/option_check.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
+#include <stdexcept>
 
 namespace dgsfm {
 
@@ -16,6 +18,12 @@ class FeatureSets {
  public:
   // The images of the features and how many each has.
   explicit FeatureSets(const std::vector<size_t>& num_features) {
+    if (std::accumulate(num_features.begin(), num_features.end(), size_t(0)) >
+        size_t(std::numeric_limits<int>::max())) {
+      throw std::runtime_error(
+          "the images have more than 2^31 key points: use fewer of each "
+          "(--max_num_keypoints_per_image), or map fewer images at a time");
+    }
     for (size_t image = 0; image < num_features.size(); ++image) {
       begin_.push_back(int(images_.size()));
       images_.insert(images_.end(), num_features[image], int(image));
@@ -129,6 +137,9 @@ bool TrackOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .AtLeast("min_num_views_per_track", min_num_views_per_track, 2)
       .AtLeast("min_num_tracks_per_view", min_num_tracks_per_view, 0)
+      .AtLeast("max_num_tracks", max_num_tracks, 0)
+      .AtLeast(
+          "max_num_observations_per_image", max_num_observations_per_image, 0)
       .AreKept();
 }
 

@@ -18,11 +18,20 @@ struct TrackOptions {
   // Images with fewer tracks of that length also use two-view tracks, so that
   // weakly linked images are positioned at all; 0 = never.
   int min_num_tracks_per_view = 50;
+  // Bounds of the memory that a model takes, 0 = none: tracks, and observations
+  // of each image, of which those are used that tell most, see SelectTracks.
+  int max_num_tracks = 0;
+  int max_num_observations_per_image = 0;
+
+  bool AreBounded() const {
+    return max_num_tracks > 0 || max_num_observations_per_image > 0;
+  }
 
   bool IsValid(std::string* error) const;
 };
 
 // Joins the inlier matches of the valid pairs among the images of the index.
+// Throws std::runtime_error where these are more features than can be numbered.
 // Matches are taken from the strongest pair to the weakest; one that would put
 // two features of one image into a track is left out. Tracks have one element
 // per image, ordered by image id, and are ordered by their first element.

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/parallel.h"
+#include "colmap_ext/progress.h"
 #include "estimators/option_check.h"
 #include "estimators/random.h"
 #include "estimators/two_view/two_view_residuals.h"
@@ -291,10 +292,12 @@ PairGeometries VerifyPairs(
       items.begin(), items.end(), [](const Item& a, const Item& b) {
         return a.matches->size() > b.matches->size();
       });
+  Progress progress("Verifying pairs", items.size());
   ParallelFor(items.size(), options.num_threads, [&](size_t i) {
     const Item& item = items[i];
     *item.result =
         VerifyPair(scene, depths, item.pair_id, *item.matches, options);
+    progress.Step();
   });
   return pairs;
 }

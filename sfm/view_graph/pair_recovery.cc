@@ -1,6 +1,7 @@
 #include "sfm/view_graph/pair_recovery.h"
 
 #include "colmap_ext/parallel.h"
+#include "colmap_ext/progress.h"
 
 #include <algorithm>
 #include <cmath>
@@ -70,6 +71,7 @@ void RecoverPairs(const MappingContext& context,
   const double max_error_rad =
       context.options.averaging.max_rotation_error_deg * M_PI / 180;
   std::vector<std::optional<PairGeometry>> recovered(pair_ids.size());
+  Progress progress("Recovering pairs", pair_ids.size());
   ParallelFor(pair_ids.size(), context.verification.num_threads, [&](size_t i) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_ids[i]);
     const Eigen::Quaterniond rotation =
@@ -85,6 +87,7 @@ void RecoverPairs(const MappingContext& context,
             max_error_rad) {
       recovered[i] = std::move(pair);
     }
+    progress.Step();
   });
   size_t num_recovered = 0;
   for (size_t i = 0; i < pair_ids.size(); ++i) {

@@ -123,13 +123,15 @@ void DropStaticBackground(const DepthGlobalMapperOptions& options,
             "out. Mask the background to be safe (--ImageReader.mask_path)");
 }
 
-void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
-                          const PairVerificationOptions& verification,
-                          const Scene& scene,
-                          KeypointDepthMap* depths,
-                          PairGeometries* pairs,
-                          MappingLog* log) {
-  if (options.skip_depth_reliability) return;
+KeypointDepthMap DropUnreliableDepths(
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
+    const Scene& scene,
+    KeypointDepthMap* depths,
+    PairGeometries* pairs,
+    MappingLog* log) {
+  KeypointDepthMap dropped;
+  if (options.skip_depth_reliability) return dropped;
   StageTimer timer("depth_reliability");
   const bool are_reversed = DepthsFallWithDepth(scene, *pairs, *depths);
   const std::vector<colmap::image_t> image_ids =
@@ -142,7 +144,7 @@ void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
     LOG_IF(WARNING, !are_reversed)
         << "The depth map of image '" << scene.images.at(image_id).Name()
         << "' contradicts its matches and is not used";
-    depths->erase(image_id);
+    dropped.insert(depths->extract(image_id));
   }
   // The finished models show the reverse kind, and the message has the remedy.
   if (!are_reversed &&
@@ -173,6 +175,7 @@ void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
       .Add("pairs_verified", double(affected.size()));
   if (!image_ids.empty()) timer.Add(CountPairs(*pairs));
   timer.Finish(&log->stages);
+  return dropped;
 }
 
 void FilterPairs(const DepthGlobalMapperOptions& options,

@@ -19,13 +19,14 @@ void DropStaticBackground(const DepthGlobalMapperOptions& options,
                           MappingLog* log);
 
 // Depth maps that contradict their pairs leave, see depth_reliability.h, and
-// these pairs are verified without them.
-void DropUnreliableDepths(const DepthGlobalMapperOptions& options,
-                          const PairVerificationOptions& verification,
-                          const Scene& scene,
-                          KeypointDepthMap* depths,
-                          PairGeometries* pairs,
-                          MappingLog* log);
+// these pairs are verified without them. Returns the maps that left.
+KeypointDepthMap DropUnreliableDepths(
+    const DepthGlobalMapperOptions& options,
+    const PairVerificationOptions& verification,
+    const Scene& scene,
+    KeypointDepthMap* depths,
+    PairGeometries* pairs,
+    MappingLog* log);
 
 // Filters by imported scores and by triplet support.
 void FilterPairs(const DepthGlobalMapperOptions& options,

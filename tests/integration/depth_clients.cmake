@@ -45,3 +45,8 @@ endforeach()
 dgsfm_add_script_test(Faults.HostileInputEndsWithAnError
   ${CMAKE_COMMAND} -E env COLMAP=$<TARGET_FILE:colmap_main>
   ${DGSFM_PYTHON} -B ${CMAKE_CURRENT_LIST_DIR}/hostile_input_test.py 20 20)
+dgsfm_add_script_test(Mapper.GoesOnAfterAKill
+  ${CMAKE_COMMAND} -E env FAULT_LIBRARY=$<TARGET_FILE:fault_injection>
+  ASAN_OPTIONS=verify_asan_link_order=0
+  ${Python3_EXECUTABLE} -B ${CMAKE_CURRENT_SOURCE_DIR}/mapper_kill_test.py
+  $<TARGET_FILE:colmap_main>)

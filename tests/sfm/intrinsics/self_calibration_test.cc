@@ -79,8 +79,8 @@ class AdjustedScene {
     return CalibrateModel(CalibrationOptions(options_), beliefs_, &model_);
   }
 
-  std::optional<IntrinsicsPosterior> Posterior() const {
-    return EstimateIntrinsicsPosterior(options_, beliefs_, model_);
+  std::optional<IntrinsicsPosterior> Posterior(int num_threads = 1) const {
+    return EstimateIntrinsicsPosterior(options_, num_threads, beliefs_, model_);
   }
 
   const CameraBeliefs& Beliefs() const { return beliefs_; }
@@ -129,6 +129,20 @@ TEST(EstimateIntrinsicsPosterior, CoversTheErrors) {
   // as few independent values tell.
   EXPECT_GT(sum / double(size), 0.2);
   EXPECT_LT(sum / double(size), 4);
+}
+
+TEST(EstimateIntrinsicsPosterior, IsTheSameForAnyNumberOfThreads) {
+  AdjustedScene scene(1);
+  ASSERT_TRUE(scene.Adjust());
+  const auto expected = scene.Posterior();
+  ASSERT_TRUE(expected);
+  for (const int num_threads : {2, 5}) {
+    const auto posterior = scene.Posterior(num_threads);
+    ASSERT_TRUE(posterior);
+    EXPECT_EQ(posterior->params, expected->params);
+    EXPECT_EQ(posterior->covariance, expected->covariance);
+    EXPECT_EQ(posterior->keypoint_covariance, expected->keypoint_covariance);
+  }
 }
 
 TEST(AdjustBundle, GroupsShareTheirIntrinsicsAndGainAccuracy) {
@@ -300,7 +314,7 @@ TEST(FindHeldPrincipalPoints, FreesWhatIsDeterminedAndDeviates) {
       BundleAdjustmentOptions adjustment;
       adjustment.intrinsics.refine_principal_point = true;
       const auto posterior =
-          EstimateIntrinsicsPosterior(adjustment, beliefs, model);
+          EstimateIntrinsicsPosterior(adjustment, 1, beliefs, model);
       ASSERT_TRUE(posterior);
       const bool is_held =
           !FindHeldPrincipalPoints(
@@ -329,7 +343,7 @@ TEST(EstimateIntrinsicsPosterior, HasAFloorThatMorePointsDoNotLower) {
     BundleAdjustmentOptions adjustment;
     adjustment.intrinsics.refine_principal_point = true;
     const auto posterior = EstimateIntrinsicsPosterior(
-        adjustment, beliefs, ReconstructionFromSynthetic(synthetic));
+        adjustment, 1, beliefs, ReconstructionFromSynthetic(synthetic));
     ASSERT_TRUE(posterior);
     stddevs.push_back(
         posterior->covariance.diagonal().segment<2>(1).cwiseSqrt());

@@ -1,7 +1,8 @@
-#include "controllers/progress.h"
+#include "colmap_ext/progress.h"
 
 #include <algorithm>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -46,6 +47,28 @@ TEST(Progress, ShortWorkPrintsNothing) {
     for (int i = 0; i < 100; ++i) progress.Step();
   }
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(IterationProgress, EstimatesTheStepsThatAreLeft) {
+  std::vector<std::pair<size_t, size_t>> shown;
+  const ProgressScope scope(
+      [&](const std::string&, size_t num_done, size_t total) {
+        shown.emplace_back(num_done, total);
+      });
+  IterationProgress progress(
+      "Work", /*tolerance=*/1.1e-5, /*max_num_steps=*/20);
+  progress.Step(1e-1);
+  progress.Step(1e-2);
+  progress.Step();
+  progress.Step(1e-3);
+  progress.Step(9e-6);
+  // A tenth of the decrease each time: three steps after the second.
+  EXPECT_EQ(shown,
+            (std::vector<std::pair<size_t, size_t>>{
+                {1, 20}, {2, 5}, {3, 20}, {4, 6}, {5, 6}}));
+  IterationProgress silent("", 1e-5, 20);
+  silent.Step(1);
+  EXPECT_EQ(shown.size(), 5);
 }
 
 TEST(Progress, GoesToTheListenerOfItsThread) {

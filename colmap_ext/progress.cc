@@ -1,6 +1,8 @@
-#include "controllers/progress.h"
+#include "colmap_ext/progress.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <mutex>
 #include <utility>
@@ -11,6 +13,9 @@ namespace dgsfm {
 namespace {
 
 thread_local const ProgressListener* current_listener = nullptr;
+
+// Time without a line after which one is printed before its turn.
+constexpr double kMaxLineIntervalS = 60;
 
 }  // namespace
 
@@ -102,9 +107,47 @@ void Progress::Step(size_t work) {
   const int64_t now = impl_->is_terminal
                           ? static_cast<int64_t>(10 * impl_->Seconds())
                           : 10 * impl_->num_done / impl_->total;
-  if (now == impl_->last_shown && !is_last) return;
+  const bool is_line_due =
+      !impl_->is_terminal &&
+      impl_->Seconds() - impl_->last_line_s >= kMaxLineIntervalS;
+  if (now == impl_->last_shown && !is_last && !is_line_due) return;
   impl_->last_shown = now;
   impl_->is_terminal ? impl_->ShowBar() : impl_->ShowLine();
+}
+
+void Progress::Expect(size_t total) {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  impl_->total = impl_->total_work = std::max(total, impl_->num_done + 1);
+}
+
+IterationProgress::IterationProgress(const std::string& label,
+                                     double tolerance,
+                                     size_t max_num_steps)
+    : tolerance_(tolerance), max_num_steps_(max_num_steps) {
+  if (!label.empty()) {
+    progress_ = std::make_unique<Progress>(label, max_num_steps);
+  }
+}
+
+void IterationProgress::Step(double relative_decrease) {
+  if (progress_) {
+    progress_->Expect(num_steps_ + 1 + NumStepsLeft(relative_decrease));
+    progress_->Step();
+  }
+  ++num_steps_;
+  if (relative_decrease > 0) last_decrease_ = relative_decrease;
+}
+
+// At least one: the last step cannot be told before it is done.
+size_t IterationProgress::NumStepsLeft(double relative_decrease) const {
+  const double max_num = double(max_num_steps_) - double(num_steps_) - 1;
+  const double num = relative_decrease > 0 &&
+                             relative_decrease < last_decrease_ &&
+                             tolerance_ > 0
+                         ? std::log(relative_decrease / tolerance_) /
+                               std::log(last_decrease_ / relative_decrease)
+                         : max_num;
+  return size_t(std::max(1.0, std::min(std::ceil(num), max_num)));
 }
 
 }  // namespace dgsfm

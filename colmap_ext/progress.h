@@ -1,6 +1,7 @@
 // Progress of a long loop on stderr: on a terminal a bar with the time left,
 // which goes away at the end; otherwise a plain line at every tenth of the
-// work, unless the line before is of the last seconds. Or for a listener.
+// work, unless the line before is of the last seconds, and at least one a
+// minute, as far as items end. Or for a listener.
 
 #pragma once
 
@@ -45,10 +46,34 @@ class Progress {
   ~Progress();
   // One more item is done; callable from any thread.
   void Step(size_t work = 1);
+  // Items of equal work turn out to be so many altogether, more than are done.
+  void Expect(size_t total);
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
+};
+
+// Progress of an iteration that ends once the relative decrease of its cost by
+// a step is below a tolerance, or with its last step. The steps that are left
+// are estimated by how fast the decreases fall. Nothing is shown without a
+// label.
+class IterationProgress {
+ public:
+  IterationProgress(const std::string& label,
+                    double tolerance,
+                    size_t max_num_steps);
+  // A step is done. One that was rejected has no decrease.
+  void Step(double relative_decrease = 0);
+
+ private:
+  size_t NumStepsLeft(double relative_decrease) const;
+
+  const double tolerance_;
+  const size_t max_num_steps_;
+  size_t num_steps_ = 0;
+  double last_decrease_ = 0;
+  std::unique_ptr<Progress> progress_;
 };
 
 }  // namespace dgsfm
