@@ -4,6 +4,7 @@
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/commands.h"
+#include "controllers/pair_shard_verifier.h"
 #include "controllers/relative_depth_stage.h"
 #include "estimators/option_check.h"
 #include "sfm/intrinsics/prior_trust.h"
@@ -65,32 +66,6 @@ void BindDepthConsistency(DepthConsistencyOptions* options,
            "let a transferred match be off by what that depth error explains");
 }
 
-void BindVerification(PairVerificationOptions* options,
-                      CommandOptions* command_options) {
-  BindTwoView(&options->two_view, command_options);
-  BindDepthConsistency(&options->depth_consistency, command_options);
-  OptionGroup("PairVerification", command_options)
-      .Add("filter_depth",
-           &options->filter_depth,
-           "remove matches that contradict the depth maps")
-      .Add("depth_noise_factor",
-           &options->depth_noise_factor,
-           "depth error a match may show, at least [pair's depth noise]")
-      .Add("min_num_inliers",
-           &options->min_num_inliers,
-           "matches that a pair must keep")
-      .Add("min_inlier_ratio",
-           &options->min_inlier_ratio,
-           "share of its matches that a pair must keep [1]")
-      .Add("max_scale_ratio",
-           &options->max_scale_ratio,
-           "largest plausible ratio of depth scales, either way [1]");
-  command_options->Add(
-      "random_seed", &options->random_seed, "seed of all random numbers");
-  command_options->Add(
-      "num_threads", &options->num_threads, "threads, -1 = all cores");
-}
-
 // Stores finished pairs from time to time: what a run that is broken off loses.
 class CheckpointedPairs {
  public:
@@ -130,10 +105,42 @@ bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
              intrinsics_prior + "'";
     return false;
   }
+  if (num_shards != 1 && output_path.empty()) {
+    *error = "num_shards needs output_path, the file of the shard's result";
+    return false;
+  }
   return OptionBounds(error)
       .Valid(verification)
       .AtLeast("checkpoint_interval_s", checkpoint_interval_s, 0)
+      .AtLeast("num_shards", num_shards, 1)
+      .Within("shard_index", shard_index, 0, num_shards - 1)
       .AreKept();
+}
+
+void BindVerification(PairVerificationOptions* options,
+                      CommandOptions* command_options) {
+  BindTwoView(&options->two_view, command_options);
+  BindDepthConsistency(&options->depth_consistency, command_options);
+  OptionGroup("PairVerification", command_options)
+      .Add("filter_depth",
+           &options->filter_depth,
+           "remove matches that contradict the depth maps")
+      .Add("depth_noise_factor",
+           &options->depth_noise_factor,
+           "depth error a match may show, at least [pair's depth noise]")
+      .Add("min_num_inliers",
+           &options->min_num_inliers,
+           "matches that a pair must keep")
+      .Add("min_inlier_ratio",
+           &options->min_inlier_ratio,
+           "share of its matches that a pair must keep [1]")
+      .Add("max_scale_ratio",
+           &options->max_scale_ratio,
+           "largest plausible ratio of depth scales, either way [1]");
+  command_options->Add(
+      "random_seed", &options->random_seed, "seed of all random numbers");
+  command_options->Add(
+      "num_threads", &options->num_threads, "threads, -1 = all cores");
 }
 
 std::string VerificationText(PairVerificationOptions options) {
@@ -154,6 +161,18 @@ void BindOptions(DepthGeometricVerifierOptions* options,
       &options->restart,
       "verify all pairs again, not only those whose matches, depths or options "
       "are new");
+  command_options->Add("output_path",
+                       &options->output_path,
+                       "file of the result of a shard, for "
+                       "pair_geometry_merger; the database is only read, and "
+                       "nobody may write it meanwhile; empty = all pairs, into "
+                       "the database");
+  command_options->Add(
+      "shard_index", &options->shard_index, "which shard of the pairs, from 0");
+  command_options->Add("num_shards",
+                       &options->num_shards,
+                       "shards that the pairs are divided into, of about as "
+                       "many matches each");
 }
 
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
@@ -178,9 +197,10 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
   StageTimer timer("load_depth");
   KeypointDepthMap depths;
   if (options.use_depth) {
-    depths =
-        DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)
-            .ReadAllKeypointDepths(kept);
+    depths = DepthDatabase(options.database_path,
+                           options.IsShard() ? DepthDatabase::Mode::UNCHANGING
+                                             : DepthDatabase::Mode::READ_ONLY)
+                 .ReadAllKeypointDepths(kept);
     if (depths.empty()) {
       LOG(WARNING) << options.database_path
                    << " has no depth priors (import them with depth_importer): "
@@ -229,7 +249,8 @@ DatabasePairVerifier CreatePairVerifier(
                               options.verification,
                               VerificationText(options.verification),
                               scene,
-                              depths);
+                              depths,
+                              options.ReadMode());
 }
 
 void VerifyAndStore(const DepthGeometricVerifierOptions& options,
@@ -249,6 +270,17 @@ void VerifyAndStore(const DepthGeometricVerifierOptions& options,
   finished.Store();
 }
 
+size_t VerificationSummary::NumPairs() const {
+  size_t num_pairs = 0;
+  for (const auto& [status, count] : totals.num_with_status) num_pairs += count;
+  return num_pairs;
+}
+
+size_t VerificationSummary::NumValidPairs() const {
+  const auto valid = totals.num_with_status.find(PairStatus::VALID);
+  return valid == totals.num_with_status.end() ? 0 : valid->second;
+}
+
 VerificationSummary VerifyDatabasePairs(
     const DepthGeometricVerifierOptions& options) {
   CheckOptions(options);
@@ -266,6 +298,7 @@ VerificationSummary VerifyDatabasePairs(
   const DatabasePairVerifier::Fingerprints stored =
       database.ReadPairFingerprints();
   const auto comparison = verifier.Compare(
+      verifier.ListPairs(),
       options.restart ? DatabasePairVerifier::Fingerprints() : stored);
   VerificationSummary summary;
   summary.num_kept = comparison.holding.size();
@@ -297,13 +330,11 @@ int RunDepthGeometricVerifier(int argc, char** argv) {
   if (const auto exit_code = command_options.Parse(argc, argv)) {
     return *exit_code;
   }
-  const PairTotals totals = VerifyDatabasePairs(options).totals;
-  size_t num_pairs = 0;
-  for (const auto& [status, count] : totals.num_with_status) num_pairs += count;
-  const auto valid = totals.num_with_status.find(PairStatus::VALID);
-  std::cout << "verified " << num_pairs << " pairs, "
-            << (valid == totals.num_with_status.end() ? 0 : valid->second)
-            << " valid" << std::endl;
+  const VerificationSummary summary = options.IsShard()
+                                          ? VerifyPairShard(options)
+                                          : VerifyDatabasePairs(options);
+  std::cout << "verified " << summary.NumPairs() << " pairs, "
+            << summary.NumValidPairs() << " valid" << std::endl;
   return 0;
 }
 

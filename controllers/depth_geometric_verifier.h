@@ -27,6 +27,18 @@ struct DepthGeometricVerifierOptions {
   double checkpoint_interval_s = 5;
   // Verify all pairs again, also those whose stored result still holds.
   bool restart = false;
+  // A part of the pairs: shard shard_index of num_shards, whose result goes to
+  // the file output_path; the database is not written then, and must not be by
+  // others meanwhile. Empty = all pairs, into the database.
+  int shard_index = 0;
+  int num_shards = 1;
+  std::string output_path;
+
+  bool IsShard() const { return !output_path.empty(); }
+  SqliteConnection::Mode ReadMode() const {
+    return IsShard() ? SqliteConnection::Mode::UNCHANGING
+                     : SqliteConnection::Mode::READ_ONLY;
+  }
 
   bool IsValid(std::string* error) const;
 };
@@ -37,6 +49,10 @@ void BindOptions(DepthGeometricVerifierOptions* options,
 // Binds those of input and estimation.
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
                              CommandOptions* command_options);
+
+// Binds those of estimation that every pair is verified with.
+void BindVerification(PairVerificationOptions* options,
+                      CommandOptions* command_options);
 
 // All options that change results, with their values: what the fingerprints of
 // stored pairs have of them.
@@ -77,6 +93,9 @@ struct VerificationSummary {
   size_t num_kept = 0;
   // Stored results that did not hold any more, or whose pair is gone.
   size_t num_deleted = 0;
+
+  size_t NumPairs() const;
+  size_t NumValidPairs() const;
 };
 
 // Verifies all pairs of the database with depth and stores the result in it.

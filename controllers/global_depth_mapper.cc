@@ -286,7 +286,7 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   }
   DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
   verifier.SetConversions(conversions);
-  const auto comparison = verifier.Compare(fingerprints);
+  const auto comparison = verifier.Compare(verifier.ListPairs(), fingerprints);
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);
   }

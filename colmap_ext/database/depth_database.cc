@@ -116,16 +116,24 @@ KeypointDepths ReadSamples(const SqliteConnection& connection,
   return depths;
 }
 
+SqliteConnection::Mode ConnectionMode(DepthDatabase::Mode mode) {
+  switch (mode) {
+    case DepthDatabase::Mode::READ_ONLY:
+      return SqliteConnection::Mode::READ_ONLY;
+    case DepthDatabase::Mode::UNCHANGING:
+      return SqliteConnection::Mode::UNCHANGING;
+    case DepthDatabase::Mode::READ_WRITE:
+      break;
+  }
+  return SqliteConnection::Mode::READ_WRITE;
+}
+
 }  // namespace
 
 DepthDatabase::DepthDatabase(const std::string& path,
                              Mode mode,
                              std::chrono::milliseconds busy_timeout)
-    : connection_(path,
-                  mode == Mode::READ_ONLY ? SqliteConnection::Mode::READ_ONLY
-                                          : SqliteConnection::Mode::READ_WRITE,
-                  busy_timeout),
-      mode_(mode) {
+    : connection_(path, ConnectionMode(mode), busy_timeout), mode_(mode) {
   CheckIsColmapDatabase(connection_);
   // Readers leave old tables alone; they may not be allowed to write.
   if (mode == Mode::READ_WRITE) UpdateDepthTables(connection_);

@@ -25,7 +25,8 @@ namespace dgsfm {
 // the database as it was.
 class DepthDatabase {
  public:
-  enum class Mode { READ_ONLY, READ_WRITE };
+  // UNCHANGING as SqliteConnection has it.
+  enum class Mode { READ_ONLY, UNCHANGING, READ_WRITE };
 
   // The file must exist and be a COLMAP database. Without our tables it is
   // read as one without priors; the first write creates them, so that opening

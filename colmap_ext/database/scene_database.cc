@@ -265,9 +265,10 @@ class SceneReader {
 
 }  // namespace
 
-Scene ReadScene(const std::string& database_path, SceneContent content) {
-  const SqliteConnection connection(database_path,
-                                    SqliteConnection::Mode::READ_ONLY);
+Scene ReadScene(const std::string& database_path,
+                SceneContent content,
+                SqliteConnection::Mode mode) {
+  const SqliteConnection connection(database_path, mode);
   return SceneReader(connection).Read(content);
 }
 

@@ -22,8 +22,10 @@ enum class SceneContent { IMAGES, FEATURES, PAIRS, MATCHES };
 // Throws std::runtime_error naming the file and the image or pair. The
 // database is opened read-only and must exist. Camera models that COLMAP 3.8
 // lacks are refused by name.
-Scene ReadScene(const std::string& database_path,
-                SceneContent content = SceneContent::MATCHES);
+Scene ReadScene(
+    const std::string& database_path,
+    SceneContent content = SceneContent::MATCHES,
+    SqliteConnection::Mode mode = SqliteConnection::Mode::READ_ONLY);
 // The same with at most about max_num_keypoints matched key points an image:
 // images with more use those that ChooseKeypoints takes for half as many
 // matches, and those that these are matched with (Scene::kept_keypoints).

@@ -14,6 +14,7 @@ int RunDenseMatchImporter(int argc, char** argv);
 int RunDepthImporter(int argc, char** argv);
 int RunDepthExporter(int argc, char** argv);
 int RunDepthGeometricVerifier(int argc, char** argv);
+int RunPairGeometryMerger(int argc, char** argv);
 int RunDepthGlobalMapper(int argc, char** argv);
 int RunModelEvaluator(int argc, char** argv);
 int RunModelRenderer(int argc, char** argv);
