@@ -2,7 +2,7 @@
 
 #include "colmap_ext/cancellation.h"
 #include "colmap_ext/database/depth_database.h"
-#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/database/keypoint_selection.h"
 #include "controllers/commands/commands.h"
 #include "controllers/pair_shard_verifier.h"
 #include "controllers/relative_depth_stage.h"
@@ -192,15 +192,20 @@ void BindVerificationOptions(DepthGeometricVerifierOptions* options,
 }
 
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
-                            const KeptKeypoints& kept,
+                            const Scene& scene,
                             std::vector<StageReport>* stages) {
   StageTimer timer("load_depth");
   KeypointDepthMap depths;
   if (options.use_depth) {
-    depths = DepthDatabase(options.database_path,
-                           options.IsShard() ? DepthDatabase::Mode::UNCHANGING
-                                             : DepthDatabase::Mode::READ_ONLY)
-                 .ReadAllKeypointDepths(kept);
+    const DepthDatabase database(options.database_path,
+                                 DepthDatabase::Mode::READ_ONLY);
+    for (const auto& [image_id, image] : scene.images) {
+      auto of_image = database.ReadKeypointDepths(image_id);
+      if (!of_image) continue;
+      of_image->depths = RestrictToKept(
+          scene.kept_keypoints, image_id, std::move(of_image->depths));
+      depths.emplace(image_id, std::move(*of_image));
+    }
     if (depths.empty()) {
       LOG(WARNING) << options.database_path
                    << " has no depth priors (import them with depth_importer): "
@@ -214,13 +219,11 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
 
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
                 int max_num_keypoints,
+                const std::optional<ImageNames>& names,
                 std::vector<StageReport>* stages) {
   StageTimer timer("load_scene");
-  Scene scene =
-      max_num_keypoints > 0
-          ? ReadSceneWithFewKeypoints(
-                options.database_path, max_num_keypoints, SceneContent::PAIRS)
-          : ReadScene(options.database_path, SceneContent::PAIRS);
+  Scene scene = ReadPartOfScene(
+      options.database_path, max_num_keypoints, names, SceneContent::PAIRS);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const size_t num_exif = scene.focal_priors.size();
   size_t num_calibrated = 0;
@@ -289,7 +292,7 @@ VerificationSummary VerifyDatabasePairs(
   std::vector<StageReport> stages;
   Scene scene = ReadScene(options.database_path, SceneContent::FEATURES);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
-  KeypointDepthMap depths = LoadDepths(options, {}, &stages);
+  KeypointDepthMap depths = LoadDepths(options, scene, &stages);
   RelativeDepths relative =
       ConvertRelativeDepths(options, &scene, &depths, &stages);
   StageTimer timer("pair_verification");

@@ -3,12 +3,14 @@
 
 #pragma once
 
+#include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/command_options.h"
 #include "controllers/database_pair_verifier.h"
 #include "sfm/stage_report.h"
 #include "sfm/verification/pair_verification.h"
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,16 +60,18 @@ void BindVerification(PairVerificationOptions* options,
 // stored pairs have of them.
 std::string VerificationText(PairVerificationOptions options);
 
-// Depths of the key points that are kept; none, with a warning, where there are
+// Depths of the key points of the scene; none, with a warning, where there are
 // no priors or they are not to be used.
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
-                            const KeptKeypoints& kept,
+                            const Scene& scene,
                             std::vector<StageReport>* stages);
 
-// The scene of the database, with at most about max_num_keypoints matched key
-// points an image, 0 = all, and without matches and their source.
+// The scene of the database, or of some of its images, with at most about
+// max_num_keypoints matched key points an image, 0 = all, and without matches
+// and their source.
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
                 int max_num_keypoints,
+                const std::optional<ImageNames>& names,
                 std::vector<StageReport>* stages);
 
 // The verifier of a database with these options.

@@ -76,6 +76,26 @@ bool HoldsResult(const std::string& path,
   }
 }
 
+// What the database has of the pairs already, which are sorted.
+PairGeometries StoredPairs(const DepthGeometricVerifierOptions& options,
+                           const PairSizes& pairs) {
+  if (pairs.empty()) return {};
+  return DepthDatabase(options.database_path, DepthMode(options))
+      .ReadPairGeometries({}, [&](colmap::image_pair_t pair_id) {
+        return pair_id >= pairs.front().pair_id &&
+               pair_id <= pairs.back().pair_id;
+      });
+}
+
+DatabasePairVerifier::Fingerprints FingerprintsOf(
+    const PairGeometries& geometries) {
+  DatabasePairVerifier::Fingerprints fingerprints;
+  for (const auto& [pair_id, pair] : geometries) {
+    fingerprints[pair_id] = pair.fingerprint;
+  }
+  return fingerprints;
+}
+
 }  // namespace
 
 std::string ShardOptionsText(const DepthGeometricVerifierOptions& options) {
@@ -181,7 +201,13 @@ VerificationSummary VerifyPairShard(
     return summary;
   }
   PairGeometries geometries;
-  verifier.Verify(verifier.Compare(pairs, {}).work,
+  if (!options.restart) geometries = StoredPairs(options, pairs);
+  const auto comparison = verifier.Compare(pairs, FingerprintsOf(geometries));
+  for (const colmap::image_pair_t pair_id : comparison.stale) {
+    geometries.erase(pair_id);
+  }
+  summary.num_kept = comparison.holding.size();
+  verifier.Verify(comparison.work,
                   [&](colmap::image_pair_t pair_id, PairGeometry pair) {
                     geometries[pair_id] = std::move(pair);
                   });

@@ -45,8 +45,9 @@ DatabasePairVerifier::PairSizes ListPairs(
 
 // Verifies a shard of the pairs with depth and writes the result to its file,
 // for MergePairShards. A file that holds the result of the same input already
-// stays. Geometries are those that VerifyDatabasePairs stores. The database is
-// opened without locks and not written.
+// stays, and what the database holds already is taken over. Geometries are
+// those that VerifyDatabasePairs stores. The database is opened without locks
+// and not written.
 //
 // Throws std::runtime_error on unusable input, if the database was written
 // meanwhile, and Cancelled; the file is then as before.

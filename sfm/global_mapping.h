@@ -39,6 +39,8 @@ struct DepthGlobalMapperResult {
 // their status, cameras of the scene their averaged focal lengths, matches at
 // rest leave the scene, and unreliable maps leave `depths`. `verification` is
 // for pairs that are verified once more; its threads are those of all stages.
+// With models of parts of the scene these are joined in place of mapping; parts
+// that contradict others stay models of their own, with a warning.
 // Throws std::invalid_argument if options are not valid.
 DepthGlobalMapperResult RunGlobalMapping(
     const DepthGlobalMapperOptions& options,
@@ -46,6 +48,7 @@ DepthGlobalMapperResult RunGlobalMapping(
     const PairScores& pair_scores,
     Scene* scene,
     KeypointDepthMap* depths,
-    PairGeometries* pairs);
+    PairGeometries* pairs,
+    const std::vector<PartModel>& parts = {});
 
 }  // namespace dgsfm

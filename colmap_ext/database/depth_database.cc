@@ -302,11 +302,13 @@ void DepthDatabase::WritePairGeometries(
 }
 
 std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries(
-    const KeptKeypoints& kept) const {
+    const KeptKeypoints& kept,
+    const std::function<bool(colmap::image_pair_t)>& selects) const {
   std::map<colmap::image_pair_t, PairGeometry> geometries;
   if (!HasPairTable(connection_)) return geometries;
   PairGeometryCursor cursor(connection_);
   while (cursor.Step()) {
+    if (selects && !selects(cursor.PairId())) continue;
     PairGeometry geometry = cursor.Geometry();
     if (!kept.empty()) RestrictInliers(kept, cursor.PairId(), &geometry);
     geometries.emplace_hint(
@@ -321,6 +323,14 @@ std::map<colmap::image_pair_t, uint64_t> DepthDatabase::ReadPairFingerprints()
   return SelectMap<colmap::image_pair_t, uint64_t>(
       connection_,
       "SELECT pair_id, fingerprint FROM dgsfm_pair_geometries "
+      "ORDER BY pair_id");
+}
+
+std::map<colmap::image_pair_t, size_t> DepthDatabase::ReadValidPairs() const {
+  if (!HasPairTable(connection_)) return {};
+  return SelectMap<colmap::image_pair_t, size_t>(
+      connection_,
+      "SELECT pair_id, rows FROM dgsfm_pair_geometries WHERE status = 0 "
       "ORDER BY pair_id");
 }
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import dataclasses
 import fcntl
 import hashlib
 import json
@@ -23,163 +22,15 @@ import os
 import pathlib
 import shutil
 import sqlite3
-import subprocess
 import sys
-import time
-from typing import Any, Dict, Iterator, List, Optional, Sequence
+from typing import Any, Iterator, List, Optional, Sequence
+
+from ._cluster_runner import ClusterError, Runner, Task, call_program, tail
 
 PAIRS_PER_SHARD = 1000
 """Pairs of a shard where --num_shards is not given: minutes of work, so that
 little is lost with a worker, and starting the program does not count."""
 MAX_NUM_SHARDS = 10000
-MAX_NUM_LOST_WORKERS = 100
-"""Workers that a piece of work may be lost with, none of which is its fault."""
-LOG_TAIL_LINES = 15
-
-
-class ClusterError(RuntimeError):
-    """What went wrong, and what to do."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """A process of the program whose result is a file."""
-
-    name: str
-    arguments: Sequence[str]
-    result_path: str
-    log_path: str
-
-
-def run_task(
-    program: str, name: str, arguments: Sequence[str], result_path: str, log_path: str
-) -> str:
-    """Runs a task on a worker; returns its machine.
-
-    Raises RuntimeError with the end of the log if the program fails.
-    """
-    machine = os.uname().nodename
-    code = call_program(program, arguments, log_path)
-    if code == 0 and os.path.exists(result_path):
-        return machine
-    reason = f"ended by signal {-code}" if code < 0 else f"exit code {code}"
-    if code == 0:
-        reason = f"no file {result_path}: do all machines share its folder?"
-    raise RuntimeError(f"{name} on {machine}: {reason}\n{tail(log_path)}")
-
-
-def call_program(program: str, arguments: Sequence[str], log_path: str) -> int:
-    """The exit code of the program, or of this package as it is on this machine."""
-    command = [program] if program else [sys.executable, "-m", "dgsfm"]
-    command.extend(arguments)
-    with open(log_path, "a", encoding="utf-8") as log:
-        log.write(f"== {os.uname().nodename}: {' '.join(command)}\n")
-        log.flush()
-        return subprocess.call(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
-        )
-
-
-def tail(path: str) -> str:
-    """The last lines of a log."""
-    with open(path, encoding="utf-8", errors="replace") as file:
-        return "".join(file.readlines()[-LOG_TAIL_LINES:])
-
-
-class Runner:
-    """Runs tasks on the workers of a cluster."""
-
-    def __init__(self, client: Any, program: str, max_attempts: int):
-        self.client = client
-        self.program = program
-        self.max_attempts = max_attempts
-        if program:
-            # Workers need not have this package then.
-            import cloudpickle
-
-            cloudpickle.register_pickle_by_value(sys.modules[__name__])
-
-    def run(self, label: str, tasks: Sequence[Task]) -> None:
-        """Runs those tasks that have no result yet.
-
-        Raises ClusterError naming the tasks that failed max_attempts times, once
-        all others are done.
-        """
-        from distributed import as_completed
-        from distributed.scheduler import KilledWorker
-
-        todo = [task for task in tasks if not os.path.exists(task.result_path)]
-        progress = Progress(label, len(tasks), len(tasks) - len(todo))
-        attempts: Dict[Task, int] = dict.fromkeys(todo, 0)
-        num_lost: Dict[Task, int] = dict.fromkeys(todo, 0)
-        failures: Dict[Task, str] = {}
-        submitted = {self._submit(task): task for task in todo}
-        futures = as_completed(submitted)
-        for future in futures:
-            task = submitted.pop(future)
-            error = future.exception() if future.status != "cancelled" else None
-            if os.path.exists(task.result_path):
-                progress.step()
-                continue
-            if error is None or isinstance(error, KilledWorker):
-                num_lost[task] += 1
-                gives_up = num_lost[task] > MAX_NUM_LOST_WORKERS
-            else:
-                attempts[task] += 1
-                gives_up = attempts[task] >= self.max_attempts
-            if gives_up:
-                failures[task] = str(error)
-                progress.message(f"{task.name} failed, see {task.log_path}")
-                continue
-            again = self._submit(task)
-            submitted[again] = task
-            futures.add(again)
-        if failures:
-            raise ClusterError(failure_text(label, failures))
-
-    def _submit(self, task: Task) -> Any:
-        # Where a worker is lost, the scheduler runs its tasks elsewhere.
-        return self.client.submit(
-            run_task,
-            self.program,
-            task.name,
-            list(task.arguments),
-            task.result_path,
-            task.log_path,
-            pure=False,
-        )
-
-
-def failure_text(label: str, failures: Dict[Task, str]) -> str:
-    """What to show of tasks that failed: all names, and one log."""
-    task, error = next(iter(failures.items()))
-    names = ", ".join(failed.name for failed in failures)
-    return (
-        f"{label}: {names} failed; all others are done and kept. The first:\n{error}"
-        f"\nIts log is {task.log_path}. The same command tries again"
-    )
-
-
-class Progress:
-    """Lines on stderr, at most one in two seconds."""
-
-    def __init__(self, label: str, total: int, done: int):
-        self.label, self.total, self.done = label, total, done
-        self.start, self.num_before, self.last = time.monotonic(), done, 0.0
-        self.message(f"{done} of {total} done before" if done else f"{total} to do")
-
-    def step(self) -> None:
-        self.done += 1
-        now = time.monotonic()
-        if self.done < self.total and now - self.last < 2:
-            return
-        self.last = now
-        per_task = (now - self.start) / (self.done - self.num_before)
-        left = per_task * (self.total - self.done)
-        self.message(f"{self.done} of {self.total} done, about {left:.0f} s left")
-
-    def message(self, text: str) -> None:
-        print(f"{self.label}: {text}", file=sys.stderr, flush=True)
 
 
 class State:
@@ -312,7 +163,9 @@ def verify(
          "--shard_paths", str(folder)],
         state.folder / "merger.log",
     )  # fmt: skip
-    plan.update(state="done", stamp=state.stamp())
+    # The mapper writes the database, too, but not what was merged.
+    merged = hashlib.sha256(json.dumps(plan, sort_keys=True).encode()).hexdigest()
+    plan.update(state="done", stamp=state.stamp(), merged=merged)
     state.write("verification.json", plan)
     shutil.rmtree(folder)
 
@@ -339,6 +192,82 @@ def shard_task(
     ]  # fmt: skip
     return Task(
         f"shard {index}", tuple(arguments), str(path), str(path.with_suffix(".log"))
+    )
+
+
+def map_parts(
+    state: State,
+    runner: Runner,
+    output_path: pathlib.Path,
+    max_part_size: int,
+    overlap: float,
+    project_path: Optional[str] = None,
+    num_threads: int = 1,
+) -> None:
+    """Maps parts of at most max_part_size images and joins their models.
+
+    The pairs have to be verified. Raises ClusterError if a part fails.
+    """
+    options = options_of(project_path)
+    wanted = {
+        "max_part_size": max_part_size,
+        "overlap": overlap,
+        "key": options["key"],
+        "verification": state.read("verification.json")["merged"],
+    }
+    plan = state.read("mapping.json")
+    folder = state.folder / "parts"
+    is_joined = plan.get("joined") == str(output_path)
+    if plan.get("wanted") == wanted and is_joined and output_path.is_dir():
+        print(f"Models are in {output_path} already", file=sys.stderr)
+        return
+    if plan.get("wanted") != wanted or not folder.is_dir():
+        state.reset("parts")
+        call_here(
+            runner.program,
+            ["view_graph_partitioner", "--database_path", str(state.database_path),
+             "--output_path", str(folder), "--max_part_size", str(max_part_size),
+             "--overlap", str(overlap)],
+            state.folder / "partitioner.log",
+        )  # fmt: skip
+        # Written last: parts without it are of a driver that was killed.
+        state.write("mapping.json", {"wanted": wanted})
+    partition = json.loads((folder / "partition.json").read_text(encoding="utf-8"))
+    lists = [folder / part["images"] for part in partition["parts"]]
+    tasks = [part_task(state, path, options, num_threads) for path in lists]
+    runner.run("Mapping parts", tasks)
+    models = ",".join(str(path.with_suffix("")) for path in lists)
+    print("Joining the models of the parts", file=sys.stderr)
+    call_here(
+        runner.program,
+        ["model_joiner", *options["arguments"],
+         "--database_path", str(state.database_path), "--input_paths", models,
+         "--output_path", str(output_path)],
+        state.folder / "joiner.log",
+    )  # fmt: skip
+    state.write("mapping.json", {"wanted": wanted, "joined": str(output_path)})
+    # The statuses of pairs are new in the database, what was verified is not.
+    plan = state.read("verification.json")
+    state.write("verification.json", {**plan, "stamp": state.stamp()})
+    print(f"Models are in {output_path}", file=sys.stderr)
+
+
+def part_task(
+    state: State, image_list: pathlib.Path, options: dict, num_threads: int
+) -> Task:
+    folder = image_list.with_suffix("")
+    # Parts must not write the database at the same time.
+    arguments = [
+        "depth_global_mapper", *options["arguments"],
+        "--database_path", str(state.database_path), "--output_path", str(folder),
+        "--image_list_path", str(image_list), "--write_pair_statuses", "0",
+        "--num_threads", str(num_threads),
+    ]  # fmt: skip
+    return Task(
+        folder.name,
+        tuple(arguments),
+        str(folder / "report.json"),
+        str(image_list.with_suffix(".log")),
     )
 
 
@@ -379,6 +308,20 @@ def parse(argv: Optional[Sequence[str]]) -> argparse.Namespace:
         "--verifier_project_path", help="project file with options of verification"
     )
     parser.add_argument(
+        "--output_path", help="folder of the models; without, pairs are verified only"
+    )
+    parser.add_argument(
+        "--max_part_size", type=int, default=1000,
+        help="images of a part that is mapped by itself, at most",
+    )  # fmt: skip
+    parser.add_argument(
+        "--overlap", type=float, default=0.2,
+        help="share of these that are of neighbouring parts, too",
+    )  # fmt: skip
+    parser.add_argument(
+        "--mapper_project_path", help="project file with options of mapping"
+    )
+    parser.add_argument(
         "--num_threads", type=int, default=1,
         help="threads of a process; each thread of a Dask worker runs one",
     )  # fmt: skip
@@ -415,6 +358,16 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
                 arguments.verifier_project_path,
                 arguments.num_threads,
             )
+            if arguments.output_path:
+                map_parts(
+                    state,
+                    runner,
+                    pathlib.Path(arguments.output_path).absolute(),
+                    arguments.max_part_size,
+                    arguments.overlap,
+                    arguments.mapper_project_path,
+                    arguments.num_threads,
+                )
     except (ClusterError, OSError, sqlite3.Error) as error:
         print(f"ERROR: {error}", file=sys.stderr)
         return 1
@@ -422,7 +375,4 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
 
 
 if __name__ == "__main__":
-    # Workers have to find the functions by the name of the module.
-    from dgsfm.cluster import main as main_of_module
-
-    sys.exit(main_of_module())
+    sys.exit(main())

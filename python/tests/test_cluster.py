@@ -164,6 +164,24 @@ def test_a_failing_shard_is_named_and_the_others_are_kept(scene, database, tmp_p
     assert query(database, TABLE) == scene[1]
 
 
+def test_parts_are_mapped_and_joined(scene, database, tmp_path):
+    arguments = "--num_shards", 3, "--output_path", tmp_path / "model"
+    code, error = run_driver(database, *arguments, "--max_part_size", 25)
+    assert code == 0, error
+    assert "Mapping parts: " in error
+    result = dgsfm.evaluate(tmp_path / "model", scene[0].parent / "gt")
+    assert (result["num_models"], result["num_registered"]) == (1, 40)
+    single = database.with_name("single.db")
+    shutil.copy(scene[0], single)
+    dgsfm.global_depth_mapping(single, tmp_path / "single")
+    expected = dgsfm.evaluate(tmp_path / "single", scene[0].parent / "gt")
+    assert result["auc"]["5"] > expected["auc"]["5"] - 1
+    code, error = run_driver(database, *arguments, "--max_part_size", 25)
+    assert code == 0, error
+    assert "verified already" in error
+    assert f"Models are in {tmp_path / 'model'} already" in error
+
+
 def test_wrong_usage_and_missing_files_are_named(database, tmp_path):
     code, error = run_driver(tmp_path / "no.db")
     assert (code, "no such database" in error) == (1, True)
