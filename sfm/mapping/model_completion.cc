@@ -24,6 +24,8 @@ namespace {
 constexpr double kMinFilteredShare = 1e-3;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
+// Rounds of adjustment after these.
+constexpr int kMaxNumFinalRounds = 3;
 
 // A key point without distortion, and its covariance for unit noise in its
 // image. Not a number where UndistortPoint() has nothing, so that no epipolar
@@ -117,12 +119,53 @@ void RemoveMatchesWithinPoints(const colmap::Image& image1,
   matches->shrink_to_fit();
 }
 
-// Agreement with epipolar lines does not bring back look-alikes that an
-// imported score excluded or that are displaced along the baseline.
+// Whether a match of the image's feature lies where the model projects the
+// point of that feature; nothing if the feature has no point.
+std::optional<bool> IsAtProjection(const colmap::Reconstruction& model,
+                                   const colmap::Point2D& feature,
+                                   const colmap::TrackElement& match,
+                                   double max_error_px) {
+  if (!feature.HasPoint3D()) return std::nullopt;
+  const Eigen::Vector3d point_in_cam =
+      CamFromWorld(model.Image(match.image_id)) *
+      model.Point3D(feature.Point3DId()).XYZ();
+  return point_in_cam.z() > 0 &&
+         ReprojectionError(model, match, point_in_cam) <= max_error_px;
+}
+
+// Whether most matches lie where the model projects the points that their
+// features have by other pairs, and at least min_num_matches do. Look-alikes
+// that are displaced along the baseline do not, though they lie on epipolar
+// lines.
+bool AgreesWithPoints(const colmap::Reconstruction& model,
+                      const colmap::Image& image1,
+                      const colmap::Image& image2,
+                      const colmap::FeatureMatches& matches,
+                      int min_num_matches,
+                      double max_error_px) {
+  int num_agreeing = 0, num_judged = 0;
+  const auto judge = [&](const std::optional<bool>& agrees) {
+    num_judged += agrees.has_value();
+    num_agreeing += agrees.value_or(false);
+  };
+  for (const colmap::FeatureMatch& match : matches) {
+    judge(IsAtProjection(model,
+                         image1.Point2D(match.point2D_idx1),
+                         {image2.ImageId(), match.point2D_idx2},
+                         max_error_px));
+    judge(IsAtProjection(model,
+                         image2.Point2D(match.point2D_idx2),
+                         {image1.ImageId(), match.point2D_idx1},
+                         max_error_px));
+  }
+  return num_agreeing >= min_num_matches && 2 * num_agreeing > num_judged;
+}
+
+// Agreement with a model does not bring back what imported scores or positions
+// excluded.
 bool StaysOut(PairStatus status) {
   return status == PairStatus::LOW_PAIR_SCORE ||
-         status == PairStatus::POSITION_OUTLIER ||
-         status == PairStatus::TRANSLATION_OUTLIER;
+         status == PairStatus::POSITION_OUTLIER;
 }
 
 // The inliers of the valid pairs between registered images.
@@ -139,13 +182,18 @@ AgreeingMatches InliersOf(const PairGeometries& pairs,
   return inliers;
 }
 
+bool IsWorthARound(size_t num_changed, const colmap::Reconstruction& model) {
+  return double(num_changed) >=
+         kMinFilteredShare * double(model.ComputeNumObservations());
+}
+
 AgreeingMatches AgreeingMatchesOf(const MappingContext& context,
                                   const PairGeometries& pairs,
                                   const colmap::Reconstruction& model) {
   return MatchesThatAgree(context.scene,
                           pairs,
                           context.verification,
-                          context.options.refinement.max_epipolar_error_px,
+                          context.options.refinement,
                           model);
 }
 
@@ -154,7 +202,7 @@ AgreeingMatches AgreeingMatchesOf(const MappingContext& context,
 AgreeingMatches MatchesThatAgree(const Scene& scene,
                                  const PairGeometries& pairs,
                                  const PairVerificationOptions& verification,
-                                 double max_epipolar_error_px,
+                                 const ModelRefinementOptions& refinement,
                                  const colmap::Reconstruction& model) {
   const auto keypoints = UndistortKeypoints(model, verification.num_threads);
   std::vector<colmap::image_pair_t> pair_ids;
@@ -177,12 +225,23 @@ AgreeingMatches MatchesThatAgree(const Scene& scene,
                                keypoints.at(image_id1),
                                keypoints.at(image_id2),
                                matches,
-                               max_epipolar_error_px);
+                               refinement.max_epipolar_error_px);
     if (consistent.empty() ||
         double(consistent.size()) <
             std::max<double>(
                 verification.min_num_inliers,
                 verification.min_inlier_ratio * double(matches.size()))) {
+      return;
+    }
+    const auto pair = pairs.find(pair_ids[i]);
+    if (pair != pairs.end() &&
+        pair->second.status == PairStatus::TRANSLATION_OUTLIER &&
+        !AgreesWithPoints(model,
+                          image1,
+                          image2,
+                          consistent,
+                          verification.min_num_inliers,
+                          refinement.max_completion_error_px)) {
       return;
     }
     RemoveMatchesWithinPoints(image1, image2, &consistent);
@@ -234,6 +293,7 @@ void CompleteTracks(const MappingContext& context,
     timer.Finish(&log->stages);
     return;
   }
+  size_t num_filtered = 0;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     // Better poses agree with more matches than those of the round before.
@@ -244,13 +304,18 @@ void CompleteTracks(const MappingContext& context,
                           : AgreeingMatchesOf(context, pairs, model),
                       &model);
     timer.Add("observations_gained", double(num_gained));
-    const size_t num_filtered = AdjustAgain(context, progress, &timer);
+    num_filtered = AdjustAgain(context, progress, &timer);
     timer.Finish(&log->stages);
-    const double num_observations = double(model.ComputeNumObservations());
-    if (double(num_gained + num_filtered) <
-        kMinFilteredShare * num_observations) {
-      break;
-    }
+    if (!IsWorthARound(num_gained + num_filtered, model)) break;
+  }
+  // The last adjustment must be one without the observations that it has
+  // shown to be wrong: all of them may pull at one camera.
+  for (int round = 0;
+       round < kMaxNumFinalRounds && IsWorthARound(num_filtered, model);
+       ++round) {
+    StageTimer timer("final_adjustment");
+    num_filtered = AdjustAgain(context, progress, &timer);
+    timer.Finish(&log->stages);
   }
 }
 

@@ -12,15 +12,16 @@ namespace dgsfm {
 using AgreeingMatches = std::map<colmap::image_pair_t, colmap::FeatureMatches>;
 
 // Matches of the scene that agree with the poses of a model: those within
-// max_epipolar_error_px of the epipolar lines, of the pairs that keep
-// min_num_inliers and min_inlier_ratio of theirs. All these pairs have an
+// refinement.max_epipolar_error_px of the epipolar lines, of the pairs that
+// keep min_num_inliers and min_inlier_ratio of theirs. All these pairs have an
 // entry, without the matches within one point. The poses of a model are better
-// evidence than a pair alone, its depth or its triplets; pairs removed by an
-// imported score or by their translation stay out.
+// evidence than a pair alone, its depth or its triplets. Pairs removed by their
+// translation must also agree with the points of other pairs; pairs removed by
+// an imported score or by positions stay out.
 AgreeingMatches MatchesThatAgree(const Scene& scene,
                                  const PairGeometries& pairs,
                                  const PairVerificationOptions& verification,
-                                 double max_epipolar_error_px,
+                                 const ModelRefinementOptions& refinement,
                                  const colmap::Reconstruction& model);
 
 // Triangulates what has no point yet, completes and merges tracks. Returns the

@@ -377,5 +377,36 @@ TEST(DepthGlobalMapperOnRealData, MapsOfOtherImagesCostNothing) {
   EXPECT_GT(evaluation.auc[0], 91.5);
 }
 
+// With 45 of 10,500 observations that belong to no point, the last adjustment
+// was 3 points worse at one degree: they pulled at one camera.
+TEST(DepthGlobalMapperOnRealData, LastAdjustmentIsWithoutOutliers) {
+  const auto data_set = SharedDataSet("reichstag10");
+  if (!data_set) GTEST_SKIP() << "no data set reichstag10";
+  const std::string dir = CreateTestDir();
+  const std::string path = dir + "/database.db";
+  fs::copy_file(*data_set + "/database.db", path);
+  ASSERT_EQ(RunForTest(&RunDepthGlobalMapper,
+                       {"--database_path",
+                        path,
+                        "--output_path",
+                        dir + "/models",
+                        "--random_seed",
+                        "0"})
+                .code,
+            0);
+  const auto report =
+      nlohmann::json::parse(std::ifstream(dir + "/models/report.json"));
+  double last_num_filtered = -1;
+  for (const auto& stage : report["stages"]) {
+    if (stage["stage"] == "retriangulation" ||
+        stage["stage"] == "final_adjustment") {
+      last_num_filtered = stage["observations_filtered"];
+    }
+  }
+  EXPECT_GE(last_num_filtered, 0);
+  // Another round is made for a thousandth of the 10,500 observations.
+  EXPECT_LT(last_num_filtered, 11);
+}
+
 }  // namespace
 }  // namespace dgsfm

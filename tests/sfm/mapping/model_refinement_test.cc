@@ -109,8 +109,8 @@ TEST(Retriangulate, RestoresDeletedPoints) {
   for (size_t i = 0; i < point_ids.size(); i += 2) {
     model.DeletePoint3D(point_ids[i]);
   }
-  const AgreeingMatches matches =
-      MatchesThatAgree(scene, {}, PairVerificationOptions(), 2, model);
+  const AgreeingMatches matches = MatchesThatAgree(
+      scene, {}, PairVerificationOptions(), ModelRefinementOptions(), model);
   EXPECT_GT(Retriangulate(ModelRefinementOptions(), matches, &model), 0);
   // COLMAP leaves out tracks of two views; some others have small angles.
   EXPECT_GT(double(CountLongPoints(model)), 0.95 * double(num_points));
@@ -123,13 +123,46 @@ TEST(MatchesThatAgree, LeaveOutWhatEpipolarLinesCannotJudge) {
   PairGeometries pairs;
   pairs[PairIdOfImages(1, 2)].status = PairStatus::LOW_PAIR_SCORE;
   pairs[PairIdOfImages(2, 3)].status = PairStatus::TOO_FEW_INLIERS;
-  const AgreeingMatches matches =
-      MatchesThatAgree(scene, pairs, PairVerificationOptions(), 2, model);
+  const AgreeingMatches matches = MatchesThatAgree(
+      scene, pairs, PairVerificationOptions(), ModelRefinementOptions(), model);
   EXPECT_EQ(matches.count(PairIdOfImages(1, 2)), 0);
   ASSERT_EQ(matches.count(PairIdOfImages(2, 3)), 1);
   // What is one point already.
   EXPECT_LT(matches.at(PairIdOfImages(2, 3)).size(),
             scene.matches.at(PairIdOfImages(2, 3)).size());
+}
+
+TEST(MatchesThatAgree, PointsOfOtherPairsJudgeThoseTakenOutByTranslation) {
+  const SyntheticScene synthetic = Ring();
+  Scene scene = SceneFromSynthetic(synthetic);
+  const colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
+  const colmap::image_pair_t pair_id = PairIdOfImages(2, 3);
+  PairGeometries pairs;
+  pairs[pair_id].status = PairStatus::TRANSLATION_OUTLIER;
+  const auto is_back = [&](const colmap::Reconstruction& by_model) {
+    return MatchesThatAgree(scene,
+                            pairs,
+                            PairVerificationOptions(),
+                            ModelRefinementOptions(),
+                            by_model)
+               .count(pair_id) > 0;
+  };
+  EXPECT_TRUE(is_back(model));
+  // Look-alikes along the epipolar lines: where points half as far away again
+  // would be seen.
+  colmap::Reconstruction displaced = model;
+  const Eigen::Vector3d center2 =
+      CamFromWorld(model.Image(2)).TargetOriginInSource();
+  for (const colmap::point3D_t point_id : SortedPoints(model)) {
+    Eigen::Vector3d& point = displaced.Point3D(point_id).XYZ();
+    point = center2 + 1.5 * (point - center2);
+  }
+  EXPECT_FALSE(is_back(displaced));
+  // No point judges.
+  for (const colmap::point3D_t point_id : SortedPoints(model)) {
+    displaced.DeletePoint3D(point_id);
+  }
+  EXPECT_FALSE(is_back(displaced));
 }
 
 TEST(UpdatePointErrors, StoresTheMeanReprojectionError) {
