@@ -36,10 +36,16 @@ std::string DifferentLine(const std::string& text1, const std::string& text2) {
   return "the number of options";
 }
 
+// Their numbers, as in "1, 4-7"; empty if none is missing.
 std::string NamesOfMissing(const Shards& shards) {
   std::string names;
   for (size_t i = 0; i < shards.size(); ++i) {
-    if (!shards[i]) names += (names.empty() ? "" : ", ") + std::to_string(i);
+    if (shards[i]) continue;
+    size_t last = i;
+    while (last + 1 < shards.size() && !shards[last + 1]) ++last;
+    names += (names.empty() ? "" : ", ") + std::to_string(i);
+    if (last > i) names += "-" + std::to_string(last);
+    i = last;
   }
   return names;
 }

@@ -30,7 +30,7 @@ from ._cluster_runner import ClusterError, Runner, Task, call_program, tail
 PAIRS_PER_SHARD = 1000
 """Pairs of a shard where --num_shards is not given: minutes of work, so that
 little is lost with a worker, and starting the program does not count."""
-MAX_NUM_SHARDS = 10000
+MAX_NUM_SHARDS = 1000
 
 
 class State:
