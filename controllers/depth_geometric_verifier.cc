@@ -112,7 +112,7 @@ bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .Valid(verification)
       .AtLeast("checkpoint_interval_s", checkpoint_interval_s, 0)
-      .AtLeast("num_shards", num_shards, 1)
+      .Within("num_shards", num_shards, 1, kMaxNumPairShards)
       .Within("shard_index", shard_index, 0, num_shards - 1)
       .AreKept();
 }

@@ -152,7 +152,8 @@ PairShardFile::PairShardFile(const std::string& path)
       select.Columns<int64_t, int, int, uint32_t>();
   header_ = {index, num_shards, method, select.Text(4)};
   content_hash_ = static_cast<uint64_t>(select.Int(5));
-  if (num_shards < 1 || index < 0 || index >= num_shards) {
+  if (num_shards < 1 || num_shards > kMaxNumPairShards || index < 0 ||
+      index >= num_shards) {
     Fail("has a damaged header");
   }
 }

@@ -13,6 +13,9 @@
 
 namespace dgsfm {
 
+// More are no parts of a database.
+constexpr int kMaxNumPairShards = 1000000;
+
 // What the results of a shard were computed by.
 struct PairShardHeader {
   int shard_index = 0;

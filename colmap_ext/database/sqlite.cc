@@ -80,7 +80,10 @@ bool HasPendingChanges(const std::string& path) {
 
 // Whether a writer is at work, or left changes to be written or undone.
 bool IsBeingWritten(const std::string& path) {
-  return HasPendingChanges(path) || FileSize(path + "-journal") > 0;
+  // SQLite clears or removes the header of a journal that is done with.
+  char first = 0;
+  std::ifstream(path + "-journal", std::ios::binary).read(&first, 1);
+  return HasPendingChanges(path) || first != 0;
 }
 
 bool IsWritable(const fs::path& path) {

@@ -139,7 +139,8 @@ TEST_F(ModelJoiner, NamesWhatLacksInListsAndModels) {
   Scene scene = ReadScene(path_);
   ASSERT_EQ(ReadPartModels(dir_ + "/single", scene).size(), 1);
   auto& image = scene.images.begin()->second;
-  for (colmap::Point2D& point : image.Points2D()) {
+  for (size_t i = 0; i < image.NumPoints2D(); ++i) {
+    colmap::Point2D& point = image.Point2D(i);
     point.SetXY(point.XY() + Eigen::Vector2d(0.5, 0));
   }
   ExpectError([&] { ReadPartModels(dir_ + "/single", scene); },
