@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How much closer to the truth depth_exporter's aligned maps are.
 
-usage: depth_alignment.py FOLDER... [--depth depth] [--models scale field]
+usage: depth_alignment.py FOLDER... [--depth depth] [--models field multi_view]
 
 Each FOLDER holds images, database.db, gt (a COLMAP model) and a folder of depth
 maps as .npy. The maps are imported and mapped, and aligned to one half of the
@@ -9,7 +9,11 @@ model's points. They are compared with points that are triangulated at the true
 poses (in 3 images or more, below 1 px), at key points that are not among those
 of the fit: the median relative error of all, of the input maps each with its
 best single scale for these very points, and of the aligned ones with the one
-scale of the whole model.
+scale of the whole model. Where FOLDER has depth_true, exact maps, all pixels are
+compared with these instead.
+
+multi_view is field, refined by the neighbours. The last column is the share of
+the points with depth in the input that have aligned depth.
 """
 
 import argparse
@@ -108,30 +112,56 @@ def sample(depth, points, camera):
     return depth[y, x].astype(float)
 
 
-def compare(input_path, aligned_path, model, truth, scale):
-    """Relative errors of input and aligned maps at all points."""
+def samples_by_points(model, truth):
+    """Per image its name, true depths, and what takes the same of a map."""
     truth_images = {image.name: image for image in truth.images.values()}
-    input_errors, aligned_errors = [], []
     for image in model.images.values():
-        aligned_file = aligned_path / f"{image.name}.npy"
-        if not image.has_pose or not aligned_file.exists():
+        if not image.has_pose or image.name not in truth_images:
             continue
         points = true_depths(truth, truth_images[image.name], image)
         if len(points) < MIN_NUM_POINTS:
             continue
         camera = model.cameras[image.camera_id]
-        given = sample(np.load(input_path / f"{image.name}.npy"), points, camera)
-        aligned = scale * sample(np.load(aligned_file), points, camera)
+        yield image.name, points[:, 2], (
+            lambda depth, points=points, camera=camera: sample(depth, points, camera)
+        )
+
+
+def samples_by_pixels(folder, model):
+    for image in model.images.values():
+        if not image.has_pose:
+            continue
+        expected = np.load(folder / "depth_true" / f"{image.name}.npy")
+        expected = expected.astype(float).ravel()
+        known = np.isfinite(expected) & (expected > 0)
+        yield image.name, expected[known], (
+            lambda depth, known=known: depth.astype(float).ravel()[known]
+        )
+
+
+def compare(input_path, aligned_path, samples, scale):
+    """Relative errors of input and aligned maps, and how many are known."""
+    input_errors, aligned_errors, num_given = [], [], 0
+    for name, expected, depths_of in samples:
+        aligned_file = aligned_path / f"{name}.npy"
+        if not aligned_file.exists():
+            continue
+        given = depths_of(np.load(input_path / f"{name}.npy"))
+        aligned = scale * depths_of(np.load(aligned_file))
+        num_given += np.count_nonzero(np.isfinite(given) & (given > 0))
         known = np.isfinite(given) & (given > 0) & (aligned > 0)
-        given, aligned, expected = given[known], aligned[known], points[known, 2]
-        best_scale = np.median(expected / given)
-        input_errors.extend(np.abs(best_scale * given / expected - 1))
-        aligned_errors.extend(np.abs(aligned / expected - 1))
-    return np.median(input_errors), np.median(aligned_errors), len(input_errors)
+        best_scale = np.median(expected[known] / given[known])
+        input_errors.extend(np.abs(best_scale * given[known] / expected[known] - 1))
+        aligned_errors.extend(np.abs(aligned[known] / expected[known] - 1))
+    return np.array(input_errors), np.array(aligned_errors), num_given
 
 
 def evaluate(folder, options, work):
-    truth = triangulate_truth(folder, work)
+    has_true_maps = (folder / "depth_true").exists()
+    if has_true_maps:
+        truth = pycolmap.Reconstruction(folder / "gt")
+    else:
+        truth = triangulate_truth(folder, work)
     database = work / "database.db"
     shutil.copyfile(folder / "database.db", database)
     depth_path = folder / options.depth
@@ -146,17 +176,25 @@ def evaluate(folder, options, work):
     model = pycolmap.Reconstruction(work / "models" / "0")
     scale = scale_to_truth(model, truth)
     model = halve_points(model, work / "half")
+    if has_true_maps:
+        samples = list(samples_by_pixels(folder, model))
+    else:
+        samples = list(samples_by_points(model, truth))
     for alignment in options.models:
         output = work / alignment
+        is_multi_view = alignment == "multi_view"
         run(
             options.colmap, "depth_exporter", "--database_path", database,
             "--input_path", work / "half", "--output_path", output,
-            "--DepthAlignment.model", alignment,
+            "--DepthAlignment.model", "field" if is_multi_view else alignment,
+            "--multi_view", int(is_multi_view),
         )  # fmt: skip
-        before, after, count = compare(depth_path, output, model, truth, scale)
+        before, after, num_given = compare(depth_path, output, samples, scale)
         print(
-            f"| {folder.name} | {options.depth} | {alignment} | {count} "
-            f"| {100 * before:.2f} % | {100 * after:.2f} % | {after / before:.2f} |",
+            f"| {folder.name} | {options.depth} | {alignment} | {len(after)} "
+            f"| {100 * np.median(before):.2f} % | {100 * np.median(after):.2f} % "
+            f"| {100 * np.quantile(after, 0.95):.2f} % "
+            f"| {100 * len(after) / num_given:.1f} % |",
             flush=True,
         )
 
@@ -168,11 +206,13 @@ def main():
     parser.add_argument("folder", type=pathlib.Path, nargs="+")
     parser.add_argument("--colmap", default="build/release/bin/colmap")
     parser.add_argument("--depth", default="depth", help="folder of the maps")
-    parser.add_argument("--models", nargs="+", default=["scale", "scale_shift", "field"])
+    parser.add_argument(
+        "--models", nargs="+", default=["scale", "scale_shift", "field", "multi_view"]
+    )
     options = parser.parse_args()
     pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
-    print("| set | maps | alignment | points | input, best scale | aligned | ratio |")
-    print("| --- | --- | --- | --- | --- | --- | --- |", flush=True)
+    print("| set | maps | alignment | points | input, best scale | aligned | 95 % | kept |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |", flush=True)
     for folder in options.folder:
         with tempfile.TemporaryDirectory() as work:
             evaluate(folder, options, pathlib.Path(work))

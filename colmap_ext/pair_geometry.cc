@@ -32,6 +32,7 @@ constexpr StageName kStageNames[] = {
     {PairStage::VIEW_GRAPH_FILTER, "view_graph_filter"},
     {PairStage::REVERIFICATION, "reverification"},
     {PairStage::ROTATION_AVERAGING, "rotation_averaging"},
+    {PairStage::ROTATION_RECOVERY, "rotation_recovery"},
     {PairStage::TRANSLATION_AVERAGING, "translation_averaging"},
     {PairStage::PAIR_JUDGING, "pair_judging"}};
 

@@ -46,6 +46,7 @@ enum class PairStage {
   VIEW_GRAPH_FILTER,  // imported scores, triplets, given positions
   REVERIFICATION,     // verified again with averaged focal lengths
   ROTATION_AVERAGING,
+  ROTATION_RECOVERY,  // verified again with averaged rotations
   TRANSLATION_AVERAGING,
   PAIR_JUDGING,  // agreement with the finished model
 };

@@ -6,24 +6,25 @@
 #include "colmap_ext/depth/affine_depth.h"
 #include "colmap_ext/depth/depth_map_io.h"
 #include "colmap_ext/depth/depth_undistortion.h"
+#include "colmap_ext/formats/picture_file.h"
 #include "colmap_ext/output_file.h"
 #include "colmap_ext/parallel.h"
+#include "controllers/confidence_map.h"
 #include "controllers/dense_workspace.h"
+#include "controllers/depth_export_summary.h"
+#include "controllers/depth_plot.h"
+#include "controllers/initial_cloud.h"
 #include "controllers/output_folder.h"
 #include "controllers/progress.h"
 #include "controllers/sparse_model.h"
 #include "controllers/splatting_depth.h"
-#include "estimators/median.h"
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <iomanip>
 #include <map>
-#include <sstream>
+#include <memory>
 #include <stdexcept>
-
-#include <nlohmann/json.hpp>
 
 namespace dgsfm {
 namespace {
@@ -33,20 +34,6 @@ namespace fs = std::filesystem;
 // Share of the inverse depths of all images that the range covers; nearer ones
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
-
-// Values that the alignment takes out of range become unknown.
-void ApplyAlignment(const DepthAlignment& alignment, DepthMap* depth_map) {
-  size_t i = 0;
-  for (int y = 0; y < depth_map->height; ++y) {
-    for (int x = 0; x < depth_map->width; ++x, ++i) {
-      float& depth = depth_map->values[i];
-      if (depth <= 0) continue;
-      depth = static_cast<float>(alignment.Apply(
-          (x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height, depth));
-      if (!std::isfinite(depth)) depth = 0;
-    }
-  }
-}
 
 std::string FileName(const std::string& image_name, DepthExportFormat format) {
   static const std::map<DepthExportFormat, std::string> kExtensions = {
@@ -72,6 +59,9 @@ struct Job {
   std::optional<DepthAlignment> alignment;
   bool has_few_points = false;
   double near_inverse_depth = 0;  // the quantile of the image
+  // See DepthExportSummary.
+  double agreeing_ratio = 0;
+  double dropped_ratio = 0;
 };
 
 class Exporter {
@@ -118,22 +108,36 @@ class Exporter {
     for (const Job& job : jobs) {
       max_inverse_depth = std::max(max_inverse_depth, job.near_inverse_depth);
     }
+    StartCloud();
     // One scale for all images: see WriteSplattingParameters().
     splatting_scale_ = SplattingScale(max_inverse_depth);
-    ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
-      Write(*job, std::move(map));
-    });
+    if (options_.multi_view) {
+      RefineAndWrite(&jobs);
+    } else {
+      ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
+        if (job->alignment) job->alignment->Apply(&map);
+        if (cloud_) AddToCloud(*job, map);
+        Write(*job, std::move(map));
+      });
+    }
     for (Job& job : jobs) {
       scales[job.name] = splatting_scale_;
       summary_.exported.push_back({job.name,
                                    FileName(job.name, options_.format),
-                                   std::move(job.alignment)});
+                                   std::move(job.alignment),
+                                   job.agreeing_ratio,
+                                   job.dropped_ratio});
     }
+    summary_.multi_view = options_.multi_view;
     if (is_for_splatting) WriteSplattingParameters(output_path_, scales);
     if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
       WriteFusionList(output_path_, NamesOfExported());
     }
-    if (model_) WriteAlignments();
+    if (cloud_) {
+      summary_.num_points = cloud_->Write(
+          options_.points_path, options_.image_path, options_.num_threads);
+    }
+    if (model_) WriteAlignments(output_path_, summary_);
     return std::move(summary_);
   }
 
@@ -145,6 +149,7 @@ class Exporter {
     std::vector<Job> jobs;
     bool is_any_map = false;
     for (const auto& [image_id, image] : scene.images) {
+      image_ids_[image.Name()] = image_id;
       if (!database.HasDepthMap(image_id)) {
         summary_.images_without_map.push_back(image.Name());
         continue;
@@ -177,8 +182,6 @@ class Exporter {
     return jobs;
   }
 
-  // Each item opens the database for itself: connections are not shared by
-  // threads.
   template <typename Function>
   void ForEach(const std::string& label,
                std::vector<Job>* jobs,
@@ -186,32 +189,95 @@ class Exporter {
     Progress progress(label, jobs->size());
     ParallelFor(jobs->size(), options_.num_threads, [&](size_t i) {
       Job& job = (*jobs)[i];
-      DepthMap map =
-          DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
-              .ReadDepthMap(job.image_id);
-      if (IsAffine(map.unit) && !model_) {
-        throw std::runtime_error(
-            "the map of image " + job.name +
-            " is relative: it becomes depth by a model alone (--input_path)");
-      }
-      if (IsAffine(map.unit) && !ConvertByPoints(*model_, job.name, &map)) {
-        job.has_few_points = true;
+      std::optional<DepthMap> map = Read(job);
+      if (map) {
+        function(&job, *std::move(map));
       } else {
-        function(&job, std::move(map));
+        job.has_few_points = true;
       }
       progress.Step();
     });
   }
 
+  // The map of an image, nothing if it is relative and has too few points.
+  // Opens the database by itself: connections are not shared by threads.
+  std::optional<DepthMap> Read(const Job& job) const {
+    DepthMap map = DepthDatabase(database_path_, DepthDatabase::Mode::READ_ONLY)
+                       .ReadDepthMap(job.image_id);
+    if (!IsAffine(map.unit)) return map;
+    if (!model_) {
+      throw std::runtime_error(
+          "the map of image " + job.name +
+          " is relative: it becomes depth by a model alone (--input_path)");
+    }
+    if (!ConvertByPoints(*model_, job.name, &map)) return std::nullopt;
+    return map;
+  }
+
+  void StartCloud() {
+    if (options_.points_path.empty()) return;
+    cloud_ = std::make_unique<InitialCloud>(
+        undistorted_model_ ? *undistorted_model_ : *model_,
+        image_ids_,
+        options_.num_points);
+  }
+
+  // Of jobs with an alignment.
+  void RefineAndWrite(std::vector<Job>* jobs) const {
+    std::vector<ViewToRefine> views;
+    for (const Job& job : *jobs) views.push_back({job.name, *job.alignment});
+    MultiViewRefinementOptions refinement = options_.refinement;
+    refinement.alignment = options_.alignment;
+    refinement.num_threads = options_.num_threads;
+    // Maps were read before, so that they are there.
+    MultiViewRefinement(*model_, refinement, &views, [&](size_t i) {
+      return Read((*jobs)[i]).value();
+    }).Run([&](size_t i, RefinedDepth refined) {
+      Job& job = (*jobs)[i];
+      job.agreeing_ratio = refined.agreeing_ratio;
+      job.dropped_ratio = refined.dropped_ratio;
+      if (!options_.confidence_path.empty()) WriteConfidence(job, refined);
+      // Where none agrees depth may be anything.
+      DepthMap sure = refined.depth_map;
+      for (size_t k = 0; cloud_ && k < sure.values.size(); ++k) {
+        if (refined.confidence[k] <= 0.5f) sure.values[k] = 0;
+      }
+      if (cloud_) AddToCloud(job, std::move(sure));
+      Write(job, std::move(refined.depth_map));
+    });
+  }
+
+  // Confidences move with the pixels of the depth map.
+  void WriteConfidence(const Job& job, const RefinedDepth& refined) const {
+    DepthMap map = refined.depth_map;
+    map.values = refined.confidence;
+    for (size_t i = 0; i < map.values.size(); ++i) {
+      if (refined.depth_map.values[i] <= 0) map.values[i] = 0;
+    }
+    map = ForOutput(job, std::move(map));
+    WriteBesideName(
+        options_.confidence_path, job.name, [&](const std::string& path) {
+          WriteConfidencePicture(path, map);
+        });
+  }
+
   void Prepare(Job* job, DepthMap depth_map) const {
     if (model_) {
+      const std::vector<DepthCorrespondence> points =
+          FindDepthCorrespondences(*model_, job->name, depth_map);
       job->alignment = AlignDepth(
-          FindDepthCorrespondences(*model_, job->name, depth_map),
+          points,
           static_cast<double>(job->camera->Width()) / job->camera->Height(),
           options_.alignment);
       job->has_few_points = !job->alignment.has_value();
       if (job->has_few_points) return;
-      ApplyAlignment(*job->alignment, &depth_map);
+      if (!options_.plot_path.empty()) {
+        WriteBesideName(
+            options_.plot_path, job->name, [&](const std::string& path) {
+              WritePicture(path, PlotAlignment(*job->alignment, points));
+            });
+      }
+      job->alignment->Apply(&depth_map);
     }
     std::vector<float> depths;
     for (const float depth : depth_map.values) {
@@ -225,12 +291,28 @@ class Exporter {
     job->near_inverse_depth = 1 / *near;
   }
 
+  // The map of the image that the output is for.
+  static DepthMap ForOutput(const Job& job, DepthMap map) {
+    if (job.undistorted_camera == nullptr) return map;
+    return UndistortDepth(map, *job.camera, *job.undistorted_camera);
+  }
+
+  void AddToCloud(const Job& job, DepthMap map) const {
+    cloud_->Add(job.name, ForOutput(job, std::move(map)));
+  }
+
+  // a.jpg.png in a folder, for image a.jpg.
+  template <typename Function>
+  static void WriteBesideName(const std::string& folder,
+                              const std::string& image_name,
+                              const Function& write) {
+    const fs::path path = PathInside(folder, image_name + ".png");
+    CreateOutputFolder(path.parent_path().string());
+    write(path.string());
+  }
+
   void Write(const Job& job, DepthMap depth_map) const {
-    if (job.alignment) ApplyAlignment(*job.alignment, &depth_map);
-    if (job.undistorted_camera != nullptr) {
-      depth_map =
-          UndistortDepth(depth_map, *job.camera, *job.undistorted_camera);
-    }
+    depth_map = ForOutput(job, std::move(depth_map));
     if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
       WriteWorkspaceMaps(output_path_,
                          job.name,
@@ -289,25 +371,13 @@ class Exporter {
     return scales;
   }
 
-  void WriteAlignments() const {
-    nlohmann::ordered_json json = nlohmann::ordered_json::object();
-    for (const DepthExportSummary::Image& image : summary_.exported) {
-      json[image.name] = {{"scale", image.alignment->scale},
-                          {"shift", image.alignment->shift},
-                          {"has_field", !image.alignment->field.empty()},
-                          {"num_points", image.alignment->num_points},
-                          {"scale_residual", image.alignment->scale_residual},
-                          {"residual", image.alignment->residual}};
-    }
-    WriteFile((fs::path(output_path_) / "alignment.json").string(),
-              JsonText(json, 2) + "\n");
-  }
-
   const std::string database_path_;
   const std::string output_path_;
   const DepthExportOptions& options_;
   std::optional<SparseModel> model_;
   std::optional<SparseModel> undistorted_model_;
+  std::map<std::string, colmap::image_t> image_ids_;
+  std::unique_ptr<InitialCloud> cloud_;
   // See SplattingScale.
   double splatting_scale_ = 0;
   DepthExportSummary summary_;
@@ -315,67 +385,14 @@ class Exporter {
 
 }  // namespace
 
-bool DepthExportOptions::IsValid(std::string* error) const {
-  if (!(png_scale > 0 && std::isfinite(png_scale))) {
-    *error = "png_scale must be positive and finite";
-    return false;
-  }
-  if (format == DepthExportFormat::COLMAP_WORKSPACE &&
-      !undistorted_path.empty()) {
-    *error =
-        "undistorted_path has no meaning for colmap_workspace, whose "
-        "undistorted model is in output_path";
-    return false;
-  }
-  return alignment.IsValid(error);
-}
-
-std::string DepthExportSummary::ToText() const {
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(2);
-  std::vector<double> scale_residuals;
-  std::vector<double> residuals;
-  for (const Image& image : exported) {
-    text << image.name << ": " << image.file;
-    if (image.alignment) {
-      text << ", " << image.alignment->num_points << " points, scale "
-           << std::setprecision(4) << image.alignment->scale
-           << std::setprecision(2) << ", median error "
-           << 100 * image.alignment->scale_residual
-           << " % after the best scale, " << 100 * image.alignment->residual
-           << " % aligned";
-      scale_residuals.push_back(image.alignment->scale_residual);
-      residuals.push_back(image.alignment->residual);
-    }
-    text << "\n";
-  }
-  const auto list = [&text](const std::string& what,
-                            const std::vector<std::string>& names) {
-    for (const std::string& name : names) text << what << ": " << name << "\n";
-  };
-  list("image without map", images_without_map);
-  list("image that is not in the model", images_without_model);
-  list("image with too few points", images_with_few_points);
-  text << "exported " << exported.size() << " depth maps";
-  if (!residuals.empty()) {
-    text << ", median error " << 100 * Median(scale_residuals)
-         << " % after the best scale, " << 100 * Median(residuals)
-         << " % aligned";
-  }
-  text << "\n";
-  return text.str();
-}
-
 DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const std::optional<std::string>& model_path,
                                    const std::string& output_path,
                                    const DepthExportOptions& options) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  const bool needs_model =
-      !options.undistorted_path.empty() ||
-      options.format == DepthExportFormat::COLMAP_WORKSPACE;
-  DGSFM_CHECK(model_path || !needs_model) << "a model is needed";
+  DGSFM_CHECK(model_path || options.OptionThatNeedsModel().empty())
+      << options.OptionThatNeedsModel() << " needs a model";
   CreateOutputFolder(output_path);
   return Exporter(database_path, model_path, output_path, options).Run();
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "colmap_ext/depth/depth_map.h"
+#include "controllers/multi_view_refinement.h"
 #include "estimators/depth_alignment.h"
 
 #include <cstddef>
@@ -28,12 +29,32 @@ struct DepthExportOptions {
   // Model that image_undistorter made of the one the maps are fitted to: maps
   // are those of its images. Empty for maps of the images in the database.
   std::string undistorted_path;
+  // Whether maps are refined by those of neighbouring images after they are
+  // aligned, and how.
+  bool multi_view = false;
+  MultiViewRefinementOptions refinement;
+  // Folder of confidence maps, a.jpg.png in 8 bits: the confidence of
+  // multi_view_depth.h times 255, 0 where depth is unknown. Empty for none.
+  std::string confidence_path;
+  // Folder of pictures of the alignment, a.jpg.png (see depth_plot.h). Empty
+  // for none.
+  std::string plot_path;
+  // Folder of a copy of the model, or of the undistorted one, with points of
+  // the depth maps in place of its own; with multi_view of pixels that a
+  // neighbour agrees with. Empty for none.
+  std::string points_path;
+  // Its points, at most.
+  int num_points = 200000;
+  // Folder of the images of that model, for the colours; empty for black.
+  std::string image_path;
   // Depth per step of a PNG [unit of depth].
   double png_scale = 0.001;
   // One per core if not positive.
   int num_threads = -1;
 
   bool IsValid(std::string* error) const;
+  // The first of the options that are set; empty if none needs a model.
+  std::string OptionThatNeedsModel() const;
 };
 
 struct DepthExportSummary {
@@ -42,6 +63,10 @@ struct DepthExportSummary {
     std::string file;
     // Without a model, none.
     std::optional<DepthAlignment> alignment;
+    // With multi_view, shares of the known pixels [0 to 1]: where a neighbour
+    // agrees, and that became unknown.
+    double agreeing_ratio = 0;
+    double dropped_ratio = 0;
   };
 
   // In the order of image ids.
@@ -52,6 +77,11 @@ struct DepthExportSummary {
   std::vector<std::string> images_without_model;
   std::vector<std::string> images_with_few_points;
 
+  // In points_path.
+  size_t num_points = 0;
+  // Whether maps were refined.
+  bool multi_view = false;
+
   // One line per image, the last one with medians over the images.
   std::string ToText() const;
 };
@@ -61,6 +91,9 @@ struct DepthExportSummary {
 // which the largest is taken), the maps are in its unit and fitted to its
 // points (see AlignDepth); alignment.json in output_path has scale, shift,
 // residuals and number of points of each image.
+//
+// With multi_view, maps are then refined by those of their neighbours
+// (multi_view_depth.h), and pixels that contradict these become unknown.
 //
 // Relative disparity and relative depth get their scale and shift by the points
 // of the model, without which they are refused.

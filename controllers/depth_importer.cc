@@ -80,6 +80,7 @@ uint64_t SourceFingerprint(const DepthFile& file,
   hash.Add(static_cast<int>(options.reading.unit));
   hash.Add(options.reading.max_depth);
   hash.Add(options.reading.min_confidence);
+  hash.Add(options.reading.min_relative_confidence);
   hash.Add(options.reading.max_uncertainty);
   hash.Add(options.sampling.max_neighbor_ratio);
   hash.Add(options.sampling.keep_edges);

@@ -135,6 +135,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("pair_scores", &options->skip_pair_scores);
   skip("focal_averaging", &options->skip_focal_averaging);
   skip("reverification", &options->skip_reverification);
+  skip("rotation_recovery", &options->skip_rotation_recovery);
   skip("scale_averaging", &options->skip_scale_averaging);
   skip("translation_averaging", &options->skip_translation_averaging);
   skip("global_positioning", &options->skip_global_positioning);
@@ -345,6 +346,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.averaging.skip_alternatives = true;
   mapper.skip_self_calibration = true;
   mapper.skip_loss_adaptation = true;
+  mapper.skip_rotation_recovery = true;
   mapper.skip_retriangulation = true;
   mapper.skip_pair_judging = true;
 

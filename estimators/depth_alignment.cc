@@ -278,6 +278,36 @@ double DepthAlignment::Apply(double u, double v, double map_depth) const {
   return std::max(0.0, depth);
 }
 
+void DepthAlignment::Apply(DepthMap* depth_map) const {
+  size_t i = 0;
+  for (int y = 0; y < depth_map->height; ++y) {
+    for (int x = 0; x < depth_map->width; ++x, ++i) {
+      float& depth = depth_map->values[i];
+      if (depth <= 0) continue;
+      depth = static_cast<float>(Apply(
+          (x + 0.5) / depth_map->width, (y + 0.5) / depth_map->height, depth));
+      if (!std::isfinite(depth)) depth = 0;
+    }
+  }
+}
+
+void DepthAlignment::Append(const DepthAlignment& correction) {
+  DGSFM_CHECK(correction.shift == 0) << correction.shift;
+  scale *= correction.scale;
+  shift *= correction.scale;
+  if (correction.field.empty()) return;
+  if (field.empty()) {
+    num_cols = correction.num_cols;
+    num_rows = correction.num_rows;
+    field = correction.field;
+    return;
+  }
+  DGSFM_CHECK(num_cols == correction.num_cols &&
+              num_rows == correction.num_rows)
+      << num_cols << " x " << num_rows;
+  for (size_t i = 0; i < field.size(); ++i) field[i] += correction.field[i];
+}
+
 std::optional<DepthAlignment> AlignDepth(
     const std::vector<DepthCorrespondence>& points,
     double aspect,

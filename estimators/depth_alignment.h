@@ -14,6 +14,8 @@
 
 #pragma once
 
+#include "colmap_ext/depth/depth_map.h"
+
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -61,6 +63,11 @@ struct DepthAlignment {
   // Aligned depth [unit of the reconstruction]; 0 where a shift makes it
   // negative.
   double Apply(double u, double v, double map_depth) const;
+  // Values that the alignment takes out of range become unknown.
+  void Apply(DepthMap* depth_map) const;
+  // Has the scale and field of `correction`, which has no shift, applied after
+  // this alignment. Both have fields of the same size, or one has none.
+  void Append(const DepthAlignment& correction);
 };
 
 // aspect: width over height of the image. Nothing if there are too few points.

@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "sfm/georeferencing/model_joining.h"
 #include "sfm/georeferencing/pair_positions.h"
+#include "sfm/view_graph/pair_recovery.h"
 #include "sfm/view_graph/view_graph_preparation.h"
 
 #include <algorithm>
@@ -110,6 +111,7 @@ void MapComponents(const MappingContext& context,
                   &result->unregistered_images);
       }
     }
+    RecoverPairs(context, *rotations, pairs, log);
     const bool measure_repeatability =
         options.measure_repeatability && !result->repeatability;
     AddComponent(

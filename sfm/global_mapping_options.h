@@ -52,6 +52,9 @@ struct DepthGlobalMapperOptions {
   // The second verification of the pairs with the averaged focal lengths,
   // which the paper does not have.
   bool skip_reverification = false;
+  // The second verification, with averaged rotations, of the pairs without a
+  // geometry or with another rotation; not in the paper.
+  bool skip_rotation_recovery = false;
   bool skip_scale_averaging = false;
   // The filter of pairs by their translations, which the paper does not have.
   bool skip_translation_averaging = false;

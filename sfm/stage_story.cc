@@ -138,7 +138,8 @@ std::string DescribeCameras(const Reports& reports) {
 std::string DescribeRotations(const Reports& reports) {
   return "Rotations: " + std::to_string(reports.Count("images_kept")) + " of " +
          CountText(reports.Count("images"), "image") +
-         IfAny(reports.Count("pairs_filtered"), "pair", "left out");
+         IfAny(reports.Count("pairs_filtered"), "pair", "left out") +
+         IfAny(reports.Count("pairs_recovered"), "pair", "found again");
 }
 
 std::string DescribeInitialization(const Reports& reports) {
@@ -227,7 +228,10 @@ const std::vector<Chapter>& Chapters() {
        "reverification",
        false,
        &DescribeCameras},
-      {{"rotation_averaging"}, "rotation_averaging", true, &DescribeRotations},
+      {{"rotation_averaging", "rotation_recovery"},
+       "",
+       true,
+       &DescribeRotations},
       {{"scale_averaging", "translation_averaging", "initialization"},
        "initialization",
        true,

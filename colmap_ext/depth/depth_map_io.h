@@ -39,6 +39,11 @@ struct DepthReadOptions {
   // Pixels whose confidence is not above 0 and at least this are unknown [unit
   // of the confidence], where the file or a file beside it has a confidence.
   double min_confidence = 0;
+  // Pixels are unknown whose confidence is below this share of that of the best
+  // pixels of the map, its 95 % quantile; 0 for no bound. Without a confidence
+  // it is depth over uncertainty, or one over it for other types than Z and
+  // RANGE. Weighted by their confidences such pixels would hardly count.
+  double min_relative_confidence = 0.1;
   // Pixels of larger uncertainty are unknown [unit of the uncertainty], where
   // the file has an array of that name; 0 for no bound.
   double max_uncertainty = 0;

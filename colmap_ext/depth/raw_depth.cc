@@ -5,7 +5,9 @@
 #include "colmap_ext/formats/hdf5_format.h"
 #include "colmap_ext/formats/npz_format.h"
 
+#include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -131,6 +133,15 @@ DepthGrid ReadConfidence(const std::string& path) {
   }
 }
 
+void CheckSize(const DepthGrid& other,
+               const std::string& name,
+               const DepthGrid& depth) {
+  if (other.width == depth.width && other.height == depth.height) return;
+  throw std::runtime_error(
+      "the " + name + " is " + FormatSize(other.width, other.height) +
+      " but the depth map " + FormatSize(depth.width, depth.height));
+}
+
 // Makes depth unknown where the other grid, if there is one, does not have a
 // number that is_kept(number).
 template <typename IsKept>
@@ -139,14 +150,43 @@ void ExcludePixels(const std::optional<DepthGrid>& other,
                    const IsKept& is_kept,
                    DepthGrid* depth) {
   if (!other) return;
-  if (other->width != depth->width || other->height != depth->height) {
-    throw std::runtime_error(
-        "the " + name + " is " + FormatSize(other->width, other->height) +
-        " but the depth map " + FormatSize(depth->width, depth->height));
-  }
+  CheckSize(*other, name, *depth);
   for (size_t i = 0; i < depth->values.size(); ++i) {
     if (!is_kept(other->values[i])) depth->values[i] = 0;
   }
+}
+
+// Precision in place of a confidence. Of lengths it is relative, as all
+// estimators have it.
+DepthGrid PrecisionOf(const DepthGrid& uncertainty,
+                      const DepthGrid& depth,
+                      DepthType type) {
+  const bool is_length = type == DepthType::Z || type == DepthType::RANGE;
+  DepthGrid precision = uncertainty;
+  for (size_t i = 0; i < precision.values.size(); ++i) {
+    precision.values[i] =
+        (is_length ? depth.values[i] : 1) / uncertainty.values[i];
+  }
+  return precision;
+}
+
+// The bound of min_relative_confidence for a map.
+float LeastConfidence(const DepthGrid& confidence,
+                      const DepthGrid& depth,
+                      double min_relative_confidence) {
+  constexpr double kBestQuantile = 0.95;
+  std::vector<float> known;
+  for (size_t i = 0; i < confidence.values.size(); ++i) {
+    const float value = confidence.values[i];
+    if (depth.values[i] != 0 && value > 0 && std::isfinite(value)) {
+      known.push_back(value);
+    }
+  }
+  if (known.empty()) return 0;
+  const auto best =
+      known.begin() + static_cast<size_t>(kBestQuantile * (known.size() - 1));
+  std::nth_element(known.begin(), best, known.end());
+  return static_cast<float>(min_relative_confidence * *best);
 }
 
 }  // namespace
@@ -177,6 +217,21 @@ void ApplyConfidence(const DepthReadOptions& options, RawDepth* raw) {
   if (options.max_uncertainty > 0) {
     ExcludePixels(raw->uncertainty, "uncertainty", is_certain, &raw->depth);
   }
+  if (options.min_relative_confidence == 0) return;
+  std::optional<DepthGrid> confidence = raw->confidence;
+  if (!confidence && raw->uncertainty) {
+    CheckSize(*raw->uncertainty, "uncertainty", raw->depth);
+    confidence = PrecisionOf(*raw->uncertainty, raw->depth, options.type);
+  }
+  if (!confidence) return;
+  const float least =
+      LeastConfidence(*confidence, raw->depth, options.min_relative_confidence);
+  // A number that is none is of no influence here.
+  ExcludePixels(
+      confidence,
+      "confidence",
+      [least](float value) { return !(value < least); },
+      &raw->depth);
 }
 
 DepthGrid TurnBack(const DepthGrid& grid, int orientation) {

@@ -39,6 +39,47 @@ void BindOptions(DepthExportOptions* options, CommandOptions* command_options) {
   command_options->Add("DepthAlignment.num_nodes",
                        &options->alignment.num_nodes,
                        "Nodes of the field along the longer side");
+  command_options->Add("multi_view",
+                       &options->multi_view,
+                       "whether aligned maps are refined by those of "
+                       "neighbouring images, and pixels that contradict these "
+                       "left out");
+  command_options->Add("confidence_path",
+                       &options->confidence_path,
+                       "(multi_view) folder of confidence maps, PNG of 8 bits: "
+                       "0 unknown, 128 seen by no other image, 255 agreed on");
+  OptionGroup("MultiViewDepth", command_options)
+      .Add("max_num_neighbors",
+           &options->refinement.neighbors.max_num_neighbors,
+           "images that refine the map of an image: those that share most "
+           "points")
+      .Add("min_angle_deg",
+           &options->refinement.neighbors.min_angle_deg,
+           "... and see them from directions that differ by this [deg]")
+      .Add("max_angle_deg",
+           &options->refinement.neighbors.max_angle_deg,
+           "... at most [deg]")
+      .Add("max_difference",
+           &options->refinement.depth.max_difference,
+           "largest relative difference of depths that agree")
+      .Add("min_confidence",
+           &options->refinement.depth.min_confidence,
+           "pixels of lower confidence, in [0, 1], become unknown; 0.5 is that "
+           "of pixels that no other image sees");
+  command_options->Add("plot_path",
+                       &options->plot_path,
+                       "folder of pictures of the alignment: depth of map "
+                       "against depth of points, PNG");
+  command_options->Add("points_path",
+                       &options->points_path,
+                       "folder of a copy of the model (of undistorted_path, if "
+                       "given) with points of the depth maps, for splatting");
+  command_options->Add(
+      "num_points", &options->num_points, "(points_path) points at most");
+  command_options->Add("image_path",
+                       &options->image_path,
+                       "(points_path) images of that model, for the colours of "
+                       "points");
   command_options->Add("num_threads",
                        &options->num_threads,
                        "Threads that align and write; -1 for one per core");
@@ -62,13 +103,9 @@ int RunDepthExporter(int argc, char** argv) {
   BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
   std::string error;
-  const bool is_workspace =
-      options.format == DepthExportFormat::COLMAP_WORKSPACE;
-  if (input_path.empty() &&
-      (is_workspace || !options.undistorted_path.empty())) {
-    std::cerr << "ERROR: "
-              << (is_workspace ? "colmap_workspace" : "undistorted_path")
-              << " needs input_path" << std::endl;
+  const std::string needs_model = options.OptionThatNeedsModel();
+  if (input_path.empty() && !needs_model.empty()) {
+    std::cerr << "ERROR: " << needs_model << " needs input_path" << std::endl;
     return 2;
   }
   if (!options.IsValid(&error)) {

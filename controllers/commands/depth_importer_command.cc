@@ -44,6 +44,11 @@ void AddExclusions(DepthImportOptions* options, CommandOptions* command) {
   command->Add("min_confidence",
                &options->reading.min_confidence,
                "Depth of lower confidence, or of none above 0, is unknown");
+  command->Add("min_relative_confidence",
+               &options->reading.min_relative_confidence,
+               "Depth is unknown whose confidence (or precision, by the "
+               "uncertainty) is below this share of that of the best 5 % of "
+               "the map; 0 for no bound");
   command->Add("max_uncertainty",
                &options->reading.max_uncertainty,
                "Depth of larger uncertainty (.npz, HDF5) is unknown; 0 for no "

@@ -14,10 +14,12 @@
 #include <colmap/util/alignment.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 namespace dgsfm {
 
@@ -89,6 +91,9 @@ struct TwoViewDepthInput {
   double image_size2_px = 0;
   // Models with fewer inliers are of no use: the search for them ends early.
   int min_num_inliers = 0;
+  // Rotation R by other evidence, near which the search stays; the refinement
+  // is free. The published estimator does not use it.
+  std::optional<Eigen::Quaterniond> rotation;
   // Seed of the pair's private random stream: derive it from the pair id.
   uint64_t seed = 0;
 };

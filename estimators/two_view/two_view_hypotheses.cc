@@ -1,5 +1,6 @@
 #include "estimators/two_view/two_view_hypotheses.h"
 
+#include "estimators/rotation_vector.h"
 #include "estimators/solvers/epipolar.h"
 #include "estimators/solvers/five_points.h"
 #include "estimators/solvers/relative_pose_depth.h"
@@ -263,6 +264,41 @@ HypothesisSource CreateEpipolarHypothesisSource(const TwoViewData& data,
   // With both kinds in turn the guess of the focal lengths is good enough to
   // find the inliers, or it is not: the larger sample counts.
   return {seven ? 7 : 5, sample};
+}
+
+HypothesisSource CreateTranslationHypothesisSource(
+    const TwoViewData& data,
+    const FocalRange& range,
+    const Eigen::Quaterniond& rotation) {
+  if (data.size() < 2) return {};
+  const Eigen::Matrix3d inverse_calibration1 =
+      InverseCalibration(range.view1.guess_px);
+  const Eigen::Matrix3d inverse_calibration2 =
+      InverseCalibration(range.view2.guess_px);
+  const Eigen::Matrix3d R = rotation.toRotationMatrix();
+  // The translation is orthogonal to the normals of both epipolar planes.
+  const auto sample = [=, &data, &range](SplitMix64* random) {
+    Eigen::Vector3d normals[2];
+    const auto indices =
+        SampleDistinct<2>(static_cast<int>(data.size()), random);
+    for (int k = 0; k < 2; ++k) {
+      const TwoViewMatch& match = data[indices[k]];
+      normals[k] =
+          (inverse_calibration2 * match.x2.homogeneous())
+              .cross(R * inverse_calibration1 * match.x1.homogeneous());
+    }
+    const Eigen::Vector3d translation = normals[0].cross(normals[1]);
+    if (!(translation.norm() > 0)) return std::vector<Hypothesis>();
+    Hypothesis hypothesis;
+    hypothesis.is_fundamental = true;
+    hypothesis.fundamental = inverse_calibration2 *
+                             CrossMatrix(translation.normalized()) * R *
+                             inverse_calibration1;
+    hypothesis.model.focal1 = range.view1.guess_px;
+    hypothesis.model.focal2 = range.view2.guess_px;
+    return std::vector<Hypothesis>{hypothesis};
+  };
+  return {2, sample};
 }
 
 std::vector<TwoViewModel> ExpandHypothesis(const Hypothesis& hypothesis,

@@ -73,6 +73,13 @@ HypothesisSource CreateDepthHypothesisSource(const TwoViewData& data,
 HypothesisSource CreateEpipolarHypothesisSource(const TwoViewData& data,
                                                 const FocalRange& range);
 
+// Translations of two matches with this rotation and the known or guessed
+// focal lengths. The source refers to the data.
+HypothesisSource CreateTranslationHypothesisSource(
+    const TwoViewData& data,
+    const FocalRange& range,
+    const Eigen::Quaterniond& rotation);
+
 // The models a hypothesis stands for, in front of both cameras for most of the
 // matches that fit it, focal lengths within their range. Of a fundamental
 // matrix with unknown focal lengths: with those that come nearest to an

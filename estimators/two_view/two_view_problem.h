@@ -11,6 +11,7 @@
 #include "estimators/two_view/two_view_score.h"
 
 #include <limits>
+#include <optional>
 #include <vector>
 
 namespace dgsfm {
@@ -53,6 +54,9 @@ class TwoViewProblem {
   // Match of an index of Data().
   int MatchIdx(int i) const { return order_[i]; }
   int NumDepthMatches() const { return num_depth_matches_; }
+  const std::optional<Eigen::Quaterniond>& Rotation() const {
+    return rotation_;
+  }
   int MinNumInliers() const { return min_num_inliers_; }
 
   TwoViewCostOptions CostOptions(bool with_depth) const;
@@ -89,6 +93,7 @@ class TwoViewProblem {
   // Half of the larger image sides [px].
   const double image_unit1_px_;
   const double image_unit2_px_;
+  const std::optional<Eigen::Quaterniond> rotation_;
   const int min_num_inliers_;
   std::vector<int> order_;
   const TwoViewData data_;

@@ -83,6 +83,11 @@ Search::Search(const TwoViewProblem& problem, SplitMix64* random)
   // One sample in so many keeps the guessed focal lengths, which helps where
   // depth hardly determines them (small rotations).
   constexpr int kGuessInterval = 4;
+  if (problem.Rotation()) {
+    epipolar_.source = CreateTranslationHypothesisSource(
+        problem.Data(), problem.Range(), *problem.Rotation());
+    return;
+  }
   if (problem.NumDepthMatches() >= options_.min_num_depth_matches) {
     depth_.source = CreateDepthHypothesisSource(
         problem.Data(), problem.Range(), kGuessInterval);
@@ -132,7 +137,7 @@ TwoViewSearchResult Search::Run() {
       break;
     }
   }
-  if (!IsHopeless()) SampleNearBest();
+  if (!IsHopeless() && !problem_.Rotation()) SampleNearBest();
   return result_;
 }
 

@@ -206,7 +206,8 @@ PairImage CreatePairImage(const Scene& scene,
 PairGeometry VerifyPair(const PairImage& image1,
                         const PairImage& image2,
                         const colmap::FeatureMatches& matches,
-                        const PairVerificationOptions& options) {
+                        const PairVerificationOptions& options,
+                        const std::optional<Eigen::Quaterniond>& rotation) {
   const colmap::Camera& camera1 = image1.camera;
   const colmap::Camera& camera2 = image2.camera;
   PairGeometry pair;
@@ -231,6 +232,7 @@ PairGeometry VerifyPair(const PairImage& image1,
     input.min_num_inliers =
         int(std::ceil(MinNumInliers(options, matches.size())));
   }
+  input.rotation = rotation;
   // A number of the stream that the user's seed selects, so that the result
   // depends on neither threads nor other pairs.
   input.seed = SplitMix64(

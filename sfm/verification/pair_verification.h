@@ -9,6 +9,7 @@
 #include "estimators/two_view/two_view_geometry_depth.h"
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -64,12 +65,15 @@ PairImage CreatePairImage(const Scene& scene,
 // model has no ray are no inliers. Of other cameras the distortion is unknown,
 // and so is the focal length, for which that of EXIF data, or else of the depth
 // model, is a soft prior. Images without an entry in `depths` have no depth.
-// The result depends on nothing else: neither on other pairs nor on the order
-// of pairs.
-PairGeometry VerifyPair(const PairImage& image1,
-                        const PairImage& image2,
-                        const colmap::FeatureMatches& matches,
-                        const PairVerificationOptions& options);
+// With the rotation of image 2 relative to image 1 by other pairs, only poses
+// near it are searched for. The result depends on nothing else: neither on
+// other pairs nor on the order of pairs.
+PairGeometry VerifyPair(
+    const PairImage& image1,
+    const PairImage& image2,
+    const colmap::FeatureMatches& matches,
+    const PairVerificationOptions& options,
+    const std::optional<Eigen::Quaterniond>& rotation = std::nullopt);
 PairGeometry VerifyPair(const Scene& scene,
                         const KeypointDepthMap& depths,
                         colmap::image_pair_t pair_id,

@@ -3,6 +3,7 @@
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/depth/depth_map_io.h"
+#include "colmap_ext/model/model_io.h"
 #include "controllers/commands/commands.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/colmap_database.h"
@@ -10,7 +11,9 @@
 #include "tests/testing/test_dir.h"
 
 #include <colmap/base/reconstruction.h>
+#include <colmap/util/bitmap.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -199,6 +202,107 @@ TEST_F(DepthExporterTest, WritesTheWorkspaceOfDenseStereo) {
   std::string error;
   EXPECT_FALSE(options.IsValid(&error));
   EXPECT_THAT(error, HasSubstr("undistorted_path"));
+}
+
+TEST_F(DepthExporterTest, RefinesMapsByNeighbors) {
+  // The one image with points has no neighbour.
+  DepthExportOptions options;
+  options.multi_view = true;
+  options.confidence_path = dir_ + "/confidence";
+  const DepthExportSummary summary =
+      ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  ASSERT_EQ(summary.exported.size(), 1);
+  EXPECT_EQ(summary.exported[0].agreeing_ratio, 0);
+  EXPECT_THAT(summary.ToText(),
+              HasSubstr("neighbours agree at 0.00 % of the pixels"));
+  EXPECT_THAT(FileContent(dir_ + "/out/alignment.json"),
+              HasSubstr("\"agreeing_ratio\": 0.0"));
+  EXPECT_NEAR(ReadExported("sub/a.jpg.npy").At(20, 20),
+              4 * CreateMap().At(20, 20),
+              1e-3);
+  colmap::Bitmap confidence;
+  ASSERT_TRUE(
+      confidence.Read(dir_ + "/confidence/sub/a.jpg.png", /*as_rgb=*/false));
+  colmap::BitmapColor<uint8_t> color;
+  ASSERT_TRUE(confidence.GetPixel(20, 20, &color));
+  EXPECT_EQ(color.r, 128);
+  ASSERT_TRUE(confidence.GetPixel(20, 47, &color));
+  EXPECT_EQ(color.r, 0);
+
+  std::string error;
+  options.multi_view = false;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_EQ(error, "confidence_path needs multi_view");
+  const CommandResult result = RunForTest(RunDepthExporter,
+                                          {"--database_path",
+                                           database_path_,
+                                           "--output_path",
+                                           dir_ + "/out",
+                                           "--multi_view",
+                                           "1"});
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, HasSubstr("multi_view needs input_path"));
+}
+
+TEST_F(DepthExporterTest, WritesPointsForSplatting) {
+  DepthExportOptions options;
+  options.points_path = dir_ + "/points";
+  options.num_points = 100;
+  const DepthExportSummary summary =
+      ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  EXPECT_THAT(summary.ToText(), HasSubstr("wrote 100 points"));
+  const auto images = ReadModelImages(options.points_path);
+  // Those without depth have their poses.
+  ASSERT_EQ(images.size(), 2);
+  EXPECT_EQ(images.count("b.jpg"), 1);
+  EXPECT_EQ(ReadModelCameras(options.points_path).size(), 1);
+  const std::vector<ModelPoint> points = ReadModelPoints(options.points_path);
+  ASSERT_EQ(points.size(), 100);
+  EXPECT_EQ(images.at("sub/a.jpg").observations.size(), 100);
+  for (const ModelPoint& point : points) {
+    // Depth grows with the column: see CreateMap().
+    const double column = point.xyz.x() / point.xyz.z() * 50 + 32;
+    // Within a cell of points, of about 0.4.
+    EXPECT_NEAR(point.xyz.z(), 4 * (0.5 + (column - 0.5) / 64), 0.1);
+  }
+  // In any order of threads.
+  const std::string bytes = FileContent(options.points_path + "/points3D.bin");
+  options.num_threads = 1;
+  ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  EXPECT_EQ(FileContent(options.points_path + "/points3D.bin"), bytes);
+  std::string error;
+  options.num_points = 0;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_EQ(error, "num_points must be at least 1");
+}
+
+TEST_F(DepthExporterTest, DrawsAlignments) {
+  DepthExportOptions options;
+  options.plot_path = dir_ + "/plots";
+  ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  colmap::Bitmap plot;
+  ASSERT_TRUE(plot.Read(dir_ + "/plots/sub/a.jpg.png", /*as_rgb=*/true));
+  int num_blue = 0;
+  for (int y = 0; y < plot.Height(); ++y) {
+    for (int x = 0; x < plot.Width(); ++x) {
+      colmap::BitmapColor<uint8_t> color;
+      ASSERT_TRUE(plot.GetPixel(x, y, &color));
+      if (color.b <= color.r) continue;
+      ++num_blue;
+      // The map is right: all are on the diagonal, by the size of a point.
+      EXPECT_LE(std::abs(x + y - (plot.Width() - 1)), 3);
+    }
+  }
+  EXPECT_GT(num_blue, 2 * kNumPoints);
+  const CommandResult result = RunForTest(RunDepthExporter,
+                                          {"--database_path",
+                                           database_path_,
+                                           "--output_path",
+                                           dir_ + "/out",
+                                           "--plot_path",
+                                           options.plot_path});
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, HasSubstr("plot_path needs input_path"));
 }
 
 // The different scales in depth_params.json.

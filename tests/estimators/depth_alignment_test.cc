@@ -120,6 +120,33 @@ TEST(DepthAlignment, NeedsPoints) {
                std::invalid_argument);
 }
 
+TEST(DepthAlignment, CorrectionsAreAppended) {
+  DepthAlignment alignment;
+  alignment.scale = 2;
+  alignment.shift = 1;
+  DepthAlignment correction;
+  correction.scale = 0.5;
+  correction.num_cols = 2;
+  correction.num_rows = 2;
+  correction.field = {0, 0.1, 0.2, 0.3};
+  DepthAlignment both = alignment;
+  for (int i = 0; i < 2; ++i) {
+    both.Append(correction);
+    const double depth = alignment.Apply(0.3, 0.6, 4);
+    EXPECT_NEAR(
+        both.Apply(0.3, 0.6, 4),
+        correction.Apply(
+            0.3, 0.6, i == 0 ? depth : correction.Apply(0.3, 0.6, depth)),
+        1e-12);
+  }
+  correction.num_cols = 1;
+  EXPECT_THROW(both.Append(correction), std::invalid_argument);
+
+  DepthMap map = {2, 1, DepthUnit::METRIC, {4, 0}};
+  alignment.Apply(&map);
+  EXPECT_EQ(map.values, std::vector<float>({9, 0}));
+}
+
 TEST(DepthAlignment, OptionsNameTheirBounds) {
   DepthAlignmentOptions options;
   std::string error;

@@ -25,6 +25,9 @@ std::vector<StageReport> ReportsOfOneModel() {
       Report("rotation_averaging",
              0.25,
              {{"images", 19}, {"pairs_filtered", 23}, {"images_kept", 18}}),
+      Report("rotation_recovery",
+             0,
+             {{"pairs_verified", 40}, {"pairs_recovered", 2}}),
       Report("scale_averaging", 0.5, {{"pairs", 67}, {"images", 18}}),
       Report("translation_averaging", 0.5, {{"pairs_filtered", 1}}),
       Report("initialization",
@@ -102,7 +105,8 @@ TEST(StageStory, DescribesThePreparation) {
 TEST(StageStory, DescribesAModelWithOneSentenceForRepeatedStages) {
   EXPECT_THAT(
       Story(ReportsOfOneModel()),
-      ElementsAre("Rotations: 18 of 19 images; 23 pairs left out (0.2 s)",
+      ElementsAre("Rotations: 18 of 19 images; 23 pairs left out; 2 pairs "
+                  "found again (0.2 s)",
                   "First positions: 17 images, 9,966 tracks; 1 pair left out "
                   "(2.0 s)",
                   "Global positioning: 9,960 points (2 min 5 s)",

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 
 #include <gtest/gtest.h>
@@ -17,7 +18,10 @@ std::string CreateTestDir() {
   for (char& c : name) {
     if (c == '/') c = '_';
   }
-  const fs::path dir = fs::path(testing::TempDir()) / "dgsfm_tests" / name;
+  // Two clones that run their tests at once must not share it.
+  const size_t clone = std::hash<std::string>()(DGSFM_SOURCE_DIR);
+  const fs::path dir = fs::path(testing::TempDir()) /
+                       ("dgsfm_tests_" + std::to_string(clone)) / name;
   fs::remove_all(dir);
   fs::create_directories(dir);
   return dir.string();

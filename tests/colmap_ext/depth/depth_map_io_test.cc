@@ -327,6 +327,40 @@ TEST_F(DepthMapIo, ReadsConfidenceOfItsOwnFile) {
                   AllOf(HasSubstr("a.npy"), HasSubstr("c.png"))));
 }
 
+TEST_F(DepthMapIo, LowConfidenceExcludes) {
+  // The left half is wrong, as the depth model noticed.
+  const DepthMap map = {20, 10, DepthUnit::METRIC, std::vector<float>(200, 5)};
+  std::vector<float> confidences;
+  std::vector<float> uncertainties;
+  for (int i = 0; i < 200; ++i) {
+    confidences.push_back(i % 20 < 10 ? 0.05f : 0.9f);
+    uncertainties.push_back(i % 20 < 10 ? 3 : 0.1f);
+  }
+  const auto name_arrays = [&](const std::string& name,
+                               const std::vector<float>& values) {
+    DepthFile file;
+    file.path = "memory";
+    file.arrays =
+        [=](const std::string& asked) -> std::optional<internal::NumberArray> {
+      if (asked == "depth") return internal::NumberArray{{10, 20}, map.values};
+      if (asked == name) return internal::NumberArray{{10, 20}, values};
+      return std::nullopt;
+    };
+    return file;
+  };
+  for (const DepthFile& file : {name_arrays("confidence", confidences),
+                                name_arrays("uncertainty", uncertainties)}) {
+    DepthReadOptions options;
+    const DepthMap read =
+        ReadDepth(file, CreateCamera(200, 100), options).depth_map;
+    for (int x = 0; x < 20; ++x) EXPECT_EQ(read.At(x, 5), x < 10 ? 0 : 5);
+    options.min_relative_confidence = 0;
+    EXPECT_EQ(ReadDepth(file, CreateCamera(200, 100), options).coverage, 1);
+    options.min_relative_confidence = 0.01;
+    EXPECT_EQ(ReadDepth(file, CreateCamera(200, 100), options).coverage, 1);
+  }
+}
+
 TEST_F(DepthMapIo, TurnsMapsOfDisplayedImagesBack) {
   // The stored image has 3 x 2 pixels 1 to 6, so what a viewer shows of it
   // follows from the definition of the tag.

@@ -256,6 +256,33 @@ TEST(TwoViewGeometryDepth, FindsFewInliersWithoutDepth) {
   EXPECT_GE(RunGrid(options, FocalCase::ONE_SIDED1, 30, RemoveDepth).auc5, 86);
 }
 
+// One good match in seven: without the rotation 1,000 samples seldom find it.
+TEST(TwoViewGeometryDepth, RotationByOtherPairsFindsFewInliers) {
+  TwoViewSceneOptions options;
+  options.outlier_ratio = 0.85;
+  const auto auc5 = [&](bool has_rotation) {
+    std::vector<double> errors;
+    for (int k = 0; k < 20; ++k) {
+      TwoViewScene scene = CreateTwoViewScene(options, FocalCase::KNOWN, k);
+      RemoveDepth(&scene.input);
+      if (has_rotation) {
+        // Averages are off by about a degree.
+        scene.input.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(
+                                   0.02, Eigen::Vector3d::UnitY())) *
+                               Eigen::Quaterniond(scene.truth.rotation);
+      }
+      errors.push_back(CompareWithTruth(EstimateTwoViewGeometryWithDepth(
+                                            scene.input, NoisyOptions()),
+                                        scene.truth)
+                           .PoseDeg());
+    }
+    return AreaUnderRecall(errors, 5);
+  };
+  const double auc5_with_rotation = auc5(true);
+  EXPECT_GE(auc5_with_rotation, 80);
+  EXPECT_GE(auc5_with_rotation, auc5(false) + 10);
+}
+
 TEST(TwoViewGeometryDepth, UselessDepthDoesLittleHarm) {
   // Few pairs: a single one decides about several points.
   constexpr double kMargin = 6;

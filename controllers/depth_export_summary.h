@@ -1,0 +1,16 @@
+// What depth_exporter says of its output.
+
+#pragma once
+
+#include "controllers/depth_exporter.h"
+
+#include <string>
+
+namespace dgsfm {
+
+// Writes alignment.json: scale, shift, residuals and number of points of each
+// image. Throws std::runtime_error naming the file.
+void WriteAlignments(const std::string& folder,
+                     const DepthExportSummary& summary);
+
+}  // namespace dgsfm
