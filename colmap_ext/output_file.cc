@@ -128,6 +128,18 @@ void WriteFile(const std::string& path, std::string_view bytes) {
   file.Commit();
 }
 
+void ReplaceFile(const std::string& partial_path, const std::string& path) {
+  const int descriptor = open(partial_path.c_str(), O_RDWR | O_CLOEXEC);
+  if (descriptor < 0) Fail(partial_path);
+  const bool is_synced = fsync(descriptor) == 0;
+  const int error = errno;
+  close(descriptor);
+  errno = error;
+  if (!is_synced) Fail(partial_path);
+  Rename(partial_path, path);
+  SyncFolder(fs::path(path).parent_path());
+}
+
 void ReplaceFolder(const std::string& folder, const std::string& path) {
   SyncFolder(folder);
   std::error_code error;

@@ -47,6 +47,9 @@ class OutputFile {
 
 void WriteFile(const std::string& path, std::string_view bytes);
 
+// Moves a complete file, written beside its place, to `path`.
+void ReplaceFile(const std::string& partial_path, const std::string& path);
+
 // Moves a complete folder to `path`. What was there is in its place then, or
 // beside it under the same name with ".old".
 void ReplaceFolder(const std::string& folder, const std::string& path);

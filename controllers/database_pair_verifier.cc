@@ -15,12 +15,13 @@ DatabasePairVerifier::DatabasePairVerifier(
     const PairVerificationOptions& options,
     const std::string& options_text,
     const Scene& scene,
-    const KeypointDepthMap& depths)
+    const KeypointDepthMap& depths,
+    SqliteConnection::Mode mode)
     : options_(options),
       options_text_(options_text),
       scene_(scene),
       depths_(depths),
-      connection_(database_path, SqliteConnection::Mode::READ_ONLY),
+      connection_(database_path, mode),
       reader_(connection_, scene) {
   if (!scene.kept_keypoints.empty()) {
     features_.emplace(database_path, scene, use_depth);
@@ -28,10 +29,10 @@ DatabasePairVerifier::DatabasePairVerifier(
 }
 
 DatabasePairVerifier::Comparison DatabasePairVerifier::Compare(
-    const Fingerprints& stored) {
+    const PairSizes& pairs, const Fingerprints& stored) {
   Comparison comparison;
   PairSizes compared;
-  for (const MatchReader::PairSize& pair : reader_.ListPairs()) {
+  for (const MatchReader::PairSize& pair : pairs) {
     (stored.count(pair.pair_id) > 0 ? compared : comparison.work)
         .push_back(pair);
   }

@@ -32,13 +32,13 @@ class DatabasePairVerifier {
   // the database meanwhile, so that it may be written.
   using Sink = std::function<void(colmap::image_pair_t, PairGeometry)>;
 
-  // What is stored of the pairs of a database.
+  // What is stored of pairs of a database.
   struct Comparison {
     // Pairs whose stored result holds: it has the fingerprint of what the
     // pair would be verified from now, which is matches, key points, depths,
     // cameras, options and version of the estimator.
     std::set<colmap::image_pair_t> holding;
-    // All other pairs. Long ones come first where all key points are in memory:
+    // The other pairs. Long ones come first where all key points are in memory:
     // at the end they would leave other threads without work. Otherwise pairs
     // are ordered by id, so that key points are read once for many pairs.
     PairSizes work;
@@ -47,21 +47,25 @@ class DatabasePairVerifier {
   };
 
   // Scene and depths must outlive this. `options_text` has the options that
-  // change results.
+  // change results. The database is only read.
   DatabasePairVerifier(const std::string& database_path,
                        bool use_depth,
                        const PairVerificationOptions& options,
                        const std::string& options_text,
                        const Scene& scene,
-                       const KeypointDepthMap& depths);
+                       const KeypointDepthMap& depths,
+                       SqliteConnection::Mode mode);
 
   // By what affine maps became `depths`, for key points that the scene lacks.
   void SetConversions(AffineDepths conversions) {
     conversions_ = std::move(conversions);
   }
 
-  // Throws std::runtime_error as MatchReader.
-  Comparison Compare(const Fingerprints& stored);
+  // All pairs of the database by id. Throws std::runtime_error as MatchReader.
+  PairSizes ListPairs() const { return reader_.ListPairs(); }
+
+  // Compares pairs with what is stored. Throws as above.
+  Comparison Compare(const PairSizes& pairs, const Fingerprints& stored);
 
   // Verifies pairs, and shows the progress. Geometries have their fingerprint.
   void Verify(const PairSizes& pairs, const Sink& sink);

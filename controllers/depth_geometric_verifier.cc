@@ -2,8 +2,9 @@
 
 #include "colmap_ext/cancellation.h"
 #include "colmap_ext/database/depth_database.h"
-#include "colmap_ext/database/scene_database.h"
+#include "colmap_ext/database/keypoint_selection.h"
 #include "controllers/commands/commands.h"
+#include "controllers/pair_shard_verifier.h"
 #include "controllers/relative_depth_stage.h"
 #include "estimators/option_check.h"
 #include "sfm/intrinsics/prior_trust.h"
@@ -65,32 +66,6 @@ void BindDepthConsistency(DepthConsistencyOptions* options,
            "let a transferred match be off by what that depth error explains");
 }
 
-void BindVerification(PairVerificationOptions* options,
-                      CommandOptions* command_options) {
-  BindTwoView(&options->two_view, command_options);
-  BindDepthConsistency(&options->depth_consistency, command_options);
-  OptionGroup("PairVerification", command_options)
-      .Add("filter_depth",
-           &options->filter_depth,
-           "remove matches that contradict the depth maps")
-      .Add("depth_noise_factor",
-           &options->depth_noise_factor,
-           "depth error a match may show, at least [pair's depth noise]")
-      .Add("min_num_inliers",
-           &options->min_num_inliers,
-           "matches that a pair must keep")
-      .Add("min_inlier_ratio",
-           &options->min_inlier_ratio,
-           "share of its matches that a pair must keep [1]")
-      .Add("max_scale_ratio",
-           &options->max_scale_ratio,
-           "largest plausible ratio of depth scales, either way [1]");
-  command_options->Add(
-      "random_seed", &options->random_seed, "seed of all random numbers");
-  command_options->Add(
-      "num_threads", &options->num_threads, "threads, -1 = all cores");
-}
-
 // Stores finished pairs from time to time: what a run that is broken off loses.
 class CheckpointedPairs {
  public:
@@ -130,10 +105,42 @@ bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
              intrinsics_prior + "'";
     return false;
   }
+  if (num_shards != 1 && output_path.empty()) {
+    *error = "num_shards needs output_path, the file of the shard's result";
+    return false;
+  }
   return OptionBounds(error)
       .Valid(verification)
       .AtLeast("checkpoint_interval_s", checkpoint_interval_s, 0)
+      .Within("num_shards", num_shards, 1, kMaxNumPairShards)
+      .Within("shard_index", shard_index, 0, num_shards - 1)
       .AreKept();
+}
+
+void BindVerification(PairVerificationOptions* options,
+                      CommandOptions* command_options) {
+  BindTwoView(&options->two_view, command_options);
+  BindDepthConsistency(&options->depth_consistency, command_options);
+  OptionGroup("PairVerification", command_options)
+      .Add("filter_depth",
+           &options->filter_depth,
+           "remove matches that contradict the depth maps")
+      .Add("depth_noise_factor",
+           &options->depth_noise_factor,
+           "depth error a match may show, at least [pair's depth noise]")
+      .Add("min_num_inliers",
+           &options->min_num_inliers,
+           "matches that a pair must keep")
+      .Add("min_inlier_ratio",
+           &options->min_inlier_ratio,
+           "share of its matches that a pair must keep [1]")
+      .Add("max_scale_ratio",
+           &options->max_scale_ratio,
+           "largest plausible ratio of depth scales, either way [1]");
+  command_options->Add(
+      "random_seed", &options->random_seed, "seed of all random numbers");
+  command_options->Add(
+      "num_threads", &options->num_threads, "threads, -1 = all cores");
 }
 
 std::string VerificationText(PairVerificationOptions options) {
@@ -154,6 +161,18 @@ void BindOptions(DepthGeometricVerifierOptions* options,
       &options->restart,
       "verify all pairs again, not only those whose matches, depths or options "
       "are new");
+  command_options->Add("output_path",
+                       &options->output_path,
+                       "file of the result of a shard, for "
+                       "pair_geometry_merger; the database is only read, and "
+                       "nobody may write it meanwhile; empty = all pairs, into "
+                       "the database");
+  command_options->Add(
+      "shard_index", &options->shard_index, "which shard of the pairs, from 0");
+  command_options->Add("num_shards",
+                       &options->num_shards,
+                       "shards that the pairs are divided into, of about as "
+                       "many matches each");
 }
 
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
@@ -173,14 +192,20 @@ void BindVerificationOptions(DepthGeometricVerifierOptions* options,
 }
 
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
-                            const KeptKeypoints& kept,
+                            const Scene& scene,
                             std::vector<StageReport>* stages) {
   StageTimer timer("load_depth");
   KeypointDepthMap depths;
   if (options.use_depth) {
-    depths =
-        DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)
-            .ReadAllKeypointDepths(kept);
+    const DepthDatabase database(options.database_path,
+                                 DepthDatabase::Mode::READ_ONLY);
+    for (const auto& [image_id, image] : scene.images) {
+      auto of_image = database.ReadKeypointDepths(image_id);
+      if (!of_image) continue;
+      of_image->depths = RestrictToKept(
+          scene.kept_keypoints, image_id, std::move(of_image->depths));
+      depths.emplace(image_id, std::move(*of_image));
+    }
     if (depths.empty()) {
       LOG(WARNING) << options.database_path
                    << " has no depth priors (import them with depth_importer): "
@@ -194,13 +219,11 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
 
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
                 int max_num_keypoints,
+                const std::optional<ImageNames>& names,
                 std::vector<StageReport>* stages) {
   StageTimer timer("load_scene");
-  Scene scene =
-      max_num_keypoints > 0
-          ? ReadSceneWithFewKeypoints(
-                options.database_path, max_num_keypoints, SceneContent::PAIRS)
-          : ReadScene(options.database_path, SceneContent::PAIRS);
+  Scene scene = ReadPartOfScene(
+      options.database_path, max_num_keypoints, names, SceneContent::PAIRS);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
   const size_t num_exif = scene.focal_priors.size();
   size_t num_calibrated = 0;
@@ -229,7 +252,8 @@ DatabasePairVerifier CreatePairVerifier(
                               options.verification,
                               VerificationText(options.verification),
                               scene,
-                              depths);
+                              depths,
+                              options.ReadMode());
 }
 
 void VerifyAndStore(const DepthGeometricVerifierOptions& options,
@@ -249,6 +273,17 @@ void VerifyAndStore(const DepthGeometricVerifierOptions& options,
   finished.Store();
 }
 
+size_t VerificationSummary::NumPairs() const {
+  size_t num_pairs = 0;
+  for (const auto& [status, count] : totals.num_with_status) num_pairs += count;
+  return num_pairs;
+}
+
+size_t VerificationSummary::NumValidPairs() const {
+  const auto valid = totals.num_with_status.find(PairStatus::VALID);
+  return valid == totals.num_with_status.end() ? 0 : valid->second;
+}
+
 VerificationSummary VerifyDatabasePairs(
     const DepthGeometricVerifierOptions& options) {
   CheckOptions(options);
@@ -257,7 +292,7 @@ VerificationSummary VerifyDatabasePairs(
   std::vector<StageReport> stages;
   Scene scene = ReadScene(options.database_path, SceneContent::FEATURES);
   SortPriors(*PriorTrustFromName(options.intrinsics_prior), &scene);
-  KeypointDepthMap depths = LoadDepths(options, {}, &stages);
+  KeypointDepthMap depths = LoadDepths(options, scene, &stages);
   RelativeDepths relative =
       ConvertRelativeDepths(options, &scene, &depths, &stages);
   StageTimer timer("pair_verification");
@@ -266,6 +301,7 @@ VerificationSummary VerifyDatabasePairs(
   const DatabasePairVerifier::Fingerprints stored =
       database.ReadPairFingerprints();
   const auto comparison = verifier.Compare(
+      verifier.ListPairs(),
       options.restart ? DatabasePairVerifier::Fingerprints() : stored);
   VerificationSummary summary;
   summary.num_kept = comparison.holding.size();
@@ -297,13 +333,11 @@ int RunDepthGeometricVerifier(int argc, char** argv) {
   if (const auto exit_code = command_options.Parse(argc, argv)) {
     return *exit_code;
   }
-  const PairTotals totals = VerifyDatabasePairs(options).totals;
-  size_t num_pairs = 0;
-  for (const auto& [status, count] : totals.num_with_status) num_pairs += count;
-  const auto valid = totals.num_with_status.find(PairStatus::VALID);
-  std::cout << "verified " << num_pairs << " pairs, "
-            << (valid == totals.num_with_status.end() ? 0 : valid->second)
-            << " valid" << std::endl;
+  const VerificationSummary summary = options.IsShard()
+                                          ? VerifyPairShard(options)
+                                          : VerifyDatabasePairs(options);
+  std::cout << "verified " << summary.NumPairs() << " pairs, "
+            << summary.NumValidPairs() << " valid" << std::endl;
   return 0;
 }
 

@@ -3,12 +3,14 @@
 
 #pragma once
 
+#include "colmap_ext/database/scene_database.h"
 #include "controllers/commands/command_options.h"
 #include "controllers/database_pair_verifier.h"
 #include "sfm/stage_report.h"
 #include "sfm/verification/pair_verification.h"
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +29,18 @@ struct DepthGeometricVerifierOptions {
   double checkpoint_interval_s = 5;
   // Verify all pairs again, also those whose stored result still holds.
   bool restart = false;
+  // A part of the pairs: shard shard_index of num_shards, whose result goes to
+  // the file output_path; the database is not written then, and must not be by
+  // others meanwhile. Empty = all pairs, into the database.
+  int shard_index = 0;
+  int num_shards = 1;
+  std::string output_path;
+
+  bool IsShard() const { return !output_path.empty(); }
+  SqliteConnection::Mode ReadMode() const {
+    return IsShard() ? SqliteConnection::Mode::UNCHANGING
+                     : SqliteConnection::Mode::READ_ONLY;
+  }
 
   bool IsValid(std::string* error) const;
 };
@@ -38,20 +52,26 @@ void BindOptions(DepthGeometricVerifierOptions* options,
 void BindVerificationOptions(DepthGeometricVerifierOptions* options,
                              CommandOptions* command_options);
 
+// Binds those of estimation that every pair is verified with.
+void BindVerification(PairVerificationOptions* options,
+                      CommandOptions* command_options);
+
 // All options that change results, with their values: what the fingerprints of
 // stored pairs have of them.
 std::string VerificationText(PairVerificationOptions options);
 
-// Depths of the key points that are kept; none, with a warning, where there are
+// Depths of the key points of the scene; none, with a warning, where there are
 // no priors or they are not to be used.
 KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
-                            const KeptKeypoints& kept,
+                            const Scene& scene,
                             std::vector<StageReport>* stages);
 
-// The scene of the database, with at most about max_num_keypoints matched key
-// points an image, 0 = all, and without matches and their source.
+// The scene of the database, or of some of its images, with at most about
+// max_num_keypoints matched key points an image, 0 = all, and without matches
+// and their source.
 Scene LoadScene(const DepthGeometricVerifierOptions& options,
                 int max_num_keypoints,
+                const std::optional<ImageNames>& names,
                 std::vector<StageReport>* stages);
 
 // The verifier of a database with these options.
@@ -77,6 +97,9 @@ struct VerificationSummary {
   size_t num_kept = 0;
   // Stored results that did not hold any more, or whose pair is gone.
   size_t num_deleted = 0;
+
+  size_t NumPairs() const;
+  size_t NumValidPairs() const;
 };
 
 // Verifies all pairs of the database with depth and stores the result in it.

@@ -12,9 +12,11 @@
 #include "controllers/commands/commands.h"
 #include "controllers/component_checkpoints.h"
 #include "controllers/georeference_file.h"
+#include "controllers/image_list.h"
 #include "controllers/mapper_report.h"
 #include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
+#include "controllers/part_model_reader.h"
 #include "controllers/point_colors.h"
 #include "controllers/relative_depth_stage.h"
 #include "controllers/report/report_page.h"
@@ -24,6 +26,7 @@
 #include "sfm/memory_prediction.h"
 
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <memory>
 #include <set>
@@ -213,10 +216,19 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                    {kProjectFile, kReportFile, kPageFile, kGeoreferenceFile});
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
+  if (!options_.part_paths.empty()) {
+    BindPartJoining(&options_, &command_options);
+  }
   command_options.WriteProject(folder.StagedFile(kProjectFile));
   std::vector<StageReport> stages;
+  std::optional<ImageNames> names;
+  if (!options_.image_list_path.empty()) {
+    names = ReadImageList(options_.image_list_path);
+  }
   Scene scene = LoadScene(
-      options_.verifier, options_.max_num_keypoints_per_image, &stages);
+      options_.verifier, options_.max_num_keypoints_per_image, names, &stages);
+  const std::vector<PartModel> parts =
+      ReadPartModels(options_.part_paths, scene);
   scene.match_source = std::make_shared<const StoredMatches>(
       options_.verifier.database_path, scene);
   scene.rigs = LoadRigs(options_, scene);
@@ -230,8 +242,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                      options_.use_exif ? options_.image_path : "",
                      scene);
   scene.pose_priors = pose_priors.priors;
-  KeypointDepthMap depths =
-      LoadDepths(options_.verifier, scene.kept_keypoints, &stages);
+  KeypointDepthMap depths = LoadDepths(options_.verifier, scene, &stages);
   if (!options_.image_path.empty()) {
     WarnOfTurnedImages(options_, scene, depths);
   }
@@ -269,7 +280,8 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                        &scene,
                        &depths,
                        &pairs,
-                       &checkpoints);
+                       &checkpoints,
+                       parts);
   scene.cameras = given_cameras;
   // All maps as they were imported: those that no stage converted are moved.
   given_depths.merge(result.dropped_depths);
@@ -295,7 +307,8 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   }
   folder.Publish();
   checkpoints.Remove();
-  if (options_.write_pair_statuses) WritePairStatuses(pairs);
+  // The table is of all pairs of the database.
+  if (options_.write_pair_statuses && !names) WritePairStatuses(pairs);
 
   return Summarize(scene, result, options_.output_path);
 }
@@ -310,7 +323,13 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   PairGeometries pairs;
   if (options.use_depth) {
     pairs = DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)
-                .ReadPairGeometries(scene.kept_keypoints);
+                .ReadPairGeometries(
+                    scene.kept_keypoints, [&](colmap::image_pair_t pair_id) {
+                      const auto [image_id1, image_id2] =
+                          ImageIdsOfPair(pair_id);
+                      return scene.images.count(image_id1) > 0 &&
+                             scene.images.count(image_id2) > 0;
+                    });
   }
   DatabasePairVerifier::Fingerprints fingerprints;
   for (const auto& [pair_id, pair] : pairs) {
@@ -318,7 +337,7 @@ PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(
   }
   DatabasePairVerifier verifier = CreatePairVerifier(options, scene, depths);
   verifier.SetConversions(conversions);
-  const auto comparison = verifier.Compare(fingerprints);
+  const auto comparison = verifier.Compare(verifier.ListPairs(), fingerprints);
   for (const colmap::image_pair_t pair_id : comparison.stale) {
     pairs.erase(pair_id);
   }
@@ -438,25 +457,54 @@ void GlobalDepthMapper::WritePairStatuses(const PairGeometries& pairs) const {
   }
 }
 
-int RunDepthGlobalMapper(int argc, char** argv) {
+namespace {
+
+int RunMapper(int argc,
+              char** argv,
+              const std::string& command,
+              const std::string& summary,
+              const std::function<void(GlobalDepthMapperOptions*,
+                                       CommandOptions*)>& bind) {
   GlobalDepthMapperOptions options;
   std::optional<int> exit_code;
   SetOverPreset(
       [&] {
-        CommandOptions command_options(
-            "depth_global_mapper",
-            "Reconstructs a database with depth priors by global "
-            "structure from motion.");
-        BindOptions(&options, &command_options);
+        CommandOptions command_options(command, summary);
+        bind(&options, &command_options);
         exit_code = command_options.Parse(argc, argv);
       },
       &options);
   if (exit_code) return *exit_code;
-  const GlobalDepthMapperSummary summary = GlobalDepthMapper(options).Run();
-  std::cout << summary.text << std::flush;
-  if (!summary.model_paths.empty()) return 0;
-  std::cerr << "ERROR: " << summary.FailureText() << std::endl;
+  const GlobalDepthMapperSummary result = GlobalDepthMapper(options).Run();
+  std::cout << result.text << std::flush;
+  if (!result.model_paths.empty()) return 0;
+  std::cerr << "ERROR: " << result.FailureText() << std::endl;
   return 1;
+}
+
+}  // namespace
+
+int RunDepthGlobalMapper(int argc, char** argv) {
+  return RunMapper(argc,
+                   argv,
+                   "depth_global_mapper",
+                   "Reconstructs a database with depth priors by global "
+                   "structure from motion.",
+                   [](auto* options, auto* command_options) {
+                     BindOptions(options, command_options);
+                   });
+}
+
+int RunModelJoiner(int argc, char** argv) {
+  return RunMapper(argc,
+                   argv,
+                   "model_joiner",
+                   "Joins models of overlapping parts of a database by the "
+                   "images they share, and adjusts the result.",
+                   [](auto* options, auto* command_options) {
+                     BindPartJoining(options, command_options);
+                     BindOptions(options, command_options);
+                   });
 }
 
 }  // namespace dgsfm

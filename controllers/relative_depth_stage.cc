@@ -67,7 +67,7 @@ PairGeometries VerifyWithAveragedFocals(DepthGeometricVerifierOptions options,
   options.use_depth = false;
   const KeypointDepthMap no_depths;
   const PairSizes selected = SelectPairs(
-      CreatePairVerifier(options, *scene, no_depths).Compare({}).work, depths);
+      CreatePairVerifier(options, *scene, no_depths).ListPairs(), depths);
   PairGeometries pairs = VerifyPairs(options, *scene, selected);
   AverageFocalsOfCameras(pairs, /*relate_cameras=*/true, scene);
   bool are_known = true;

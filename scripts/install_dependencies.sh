@@ -13,8 +13,8 @@ packages=(
   # Libraries of COLMAP's core and of ours.
   libboost-filesystem-dev libboost-program-options-dev libboost-system-dev
   libceres-dev libeigen3-dev libfreeimage-dev libgoogle-glog-dev libhdf5-dev
-  libisal-dev libopenexr-dev libpng-dev libsqlite3-dev libsuitesparse-dev
-  libtiff-dev libzip-dev nlohmann-json3-dev zlib1g-dev
+  libisal-dev libmetis-dev libopenexr-dev libpng-dev libsqlite3-dev
+  libsuitesparse-dev libtiff-dev libzip-dev nlohmann-json3-dev zlib1g-dev
   # Tests.
   libgmock-dev libgtest-dev
   # The program that extracts and matches features.
@@ -24,7 +24,7 @@ if [[ ${1:-} == --packages ]]; then
   packages+=(dpkg-dev file patchelf)
 elif [[ ${1:-} == --fork ]]; then
   packages+=(libboost-graph-dev libboost-test-dev libflann-dev libgl-dev
-    libglew-dev liblz4-dev libmetis-dev)
+    libglew-dev liblz4-dev)
 fi
 
 if [[ ${DGSFM_SKIP_INSTALL:-0} == 1 ]] || ! command -v dpkg-query >/dev/null; then

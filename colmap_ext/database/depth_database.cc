@@ -116,16 +116,24 @@ KeypointDepths ReadSamples(const SqliteConnection& connection,
   return depths;
 }
 
+SqliteConnection::Mode ConnectionMode(DepthDatabase::Mode mode) {
+  switch (mode) {
+    case DepthDatabase::Mode::READ_ONLY:
+      return SqliteConnection::Mode::READ_ONLY;
+    case DepthDatabase::Mode::UNCHANGING:
+      return SqliteConnection::Mode::UNCHANGING;
+    case DepthDatabase::Mode::READ_WRITE:
+      break;
+  }
+  return SqliteConnection::Mode::READ_WRITE;
+}
+
 }  // namespace
 
 DepthDatabase::DepthDatabase(const std::string& path,
                              Mode mode,
                              std::chrono::milliseconds busy_timeout)
-    : connection_(path,
-                  mode == Mode::READ_ONLY ? SqliteConnection::Mode::READ_ONLY
-                                          : SqliteConnection::Mode::READ_WRITE,
-                  busy_timeout),
-      mode_(mode) {
+    : connection_(path, ConnectionMode(mode), busy_timeout), mode_(mode) {
   CheckIsColmapDatabase(connection_);
   // Readers leave old tables alone; they may not be allowed to write.
   if (mode == Mode::READ_WRITE) UpdateDepthTables(connection_);
@@ -294,11 +302,13 @@ void DepthDatabase::WritePairGeometries(
 }
 
 std::map<colmap::image_pair_t, PairGeometry> DepthDatabase::ReadPairGeometries(
-    const KeptKeypoints& kept) const {
+    const KeptKeypoints& kept,
+    const std::function<bool(colmap::image_pair_t)>& selects) const {
   std::map<colmap::image_pair_t, PairGeometry> geometries;
   if (!HasPairTable(connection_)) return geometries;
   PairGeometryCursor cursor(connection_);
   while (cursor.Step()) {
+    if (selects && !selects(cursor.PairId())) continue;
     PairGeometry geometry = cursor.Geometry();
     if (!kept.empty()) RestrictInliers(kept, cursor.PairId(), &geometry);
     geometries.emplace_hint(
@@ -313,6 +323,14 @@ std::map<colmap::image_pair_t, uint64_t> DepthDatabase::ReadPairFingerprints()
   return SelectMap<colmap::image_pair_t, uint64_t>(
       connection_,
       "SELECT pair_id, fingerprint FROM dgsfm_pair_geometries "
+      "ORDER BY pair_id");
+}
+
+std::map<colmap::image_pair_t, size_t> DepthDatabase::ReadValidPairs() const {
+  if (!HasPairTable(connection_)) return {};
+  return SelectMap<colmap::image_pair_t, size_t>(
+      connection_,
+      "SELECT pair_id, rows FROM dgsfm_pair_geometries WHERE status = 0 "
       "ORDER BY pair_id");
 }
 

@@ -12,6 +12,7 @@
 #include <colmap/util/types.h>
 
 #include <chrono>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -25,7 +26,8 @@ namespace dgsfm {
 // the database as it was.
 class DepthDatabase {
  public:
-  enum class Mode { READ_ONLY, READ_WRITE };
+  // UNCHANGING as SqliteConnection has it.
+  enum class Mode { READ_ONLY, UNCHANGING, READ_WRITE };
 
   // The file must exist and be a COLMAP database. Without our tables it is
   // read as one without priors; the first write creates them, so that opening
@@ -70,9 +72,13 @@ class DepthDatabase {
       const std::map<colmap::image_pair_t, PairGeometry>& geometries);
   // Leaves out pairs whose images have been deleted since. Throws if inliers
   // refer to key points that are gone, naming the pair and the remedy. Inliers
-  // are restricted to the key points that are kept.
+  // are restricted to the key points that are kept. Only of the pairs that are
+  // selected, if `selects` is given.
   std::map<colmap::image_pair_t, PairGeometry> ReadPairGeometries(
-      const KeptKeypoints& kept = {}) const;
+      const KeptKeypoints& kept = {},
+      const std::function<bool(colmap::image_pair_t)>& selects = {}) const;
+  // Numbers of inliers of the valid pairs.
+  std::map<colmap::image_pair_t, size_t> ReadValidPairs() const;
   // Fingerprints of all rows, by increasing pair id.
   std::map<colmap::image_pair_t, uint64_t> ReadPairFingerprints() const;
   // Totals of all rows.

@@ -112,6 +112,10 @@ bool HasPairTable(const SqliteConnection& connection) {
 
 void CreateDepthTables(const SqliteConnection& connection) {
   connection.Execute(kCreateDepthTables);
+  CreatePairTable(connection);
+}
+
+void CreatePairTable(const SqliteConnection& connection) {
   connection.Execute(kCreatePairTable);
 }
 

@@ -18,6 +18,9 @@ bool HasPairTable(const SqliteConnection& connection);
 // Creates the tables in an open transaction.
 void CreateDepthTables(const SqliteConnection& connection);
 
+// Creates the table of pair geometries alone, in any file.
+void CreatePairTable(const SqliteConnection& connection);
+
 // Creates the table of pair statuses in an open transaction where it is
 // missing: only mappers write it.
 void CreatePairStatusTable(const SqliteConnection& connection);

@@ -60,6 +60,20 @@ MatchReader::MatchReader(const SqliteConnection& connection, const Scene& scene)
   num_keypoints_ = SelectMap<colmap::image_t, int64_t>(
       connection,
       "SELECT image_id, rows FROM keypoints JOIN images USING (image_id)");
+  SqliteStatement images(connection, "SELECT image_id FROM images");
+  while (images.Step()) {
+    const int64_t image_id = images.Int(0);
+    if (scene.images.count(static_cast<colmap::image_t>(image_id)) == 0) {
+      left_out_images_.insert(image_id);
+    }
+  }
+}
+
+bool MatchReader::IsLeftOut(int64_t pair_id) const {
+  constexpr auto kDivisor = static_cast<int64_t>(kMaxNumImages);
+  return !left_out_images_.empty() &&
+         (left_out_images_.count(pair_id / kDivisor) > 0 ||
+          left_out_images_.count(pair_id % kDivisor) > 0);
 }
 
 // Putative matches are preferred, as verification without depth may have
@@ -72,6 +86,7 @@ std::vector<MatchReader::PairSize> MatchReader::ListPairs() const {
                              " AND pair_id NOT IN (SELECT pair_id" + kPutative +
                              ") ORDER BY pair_id");
   while (select.Step()) {
+    if (IsLeftOut(select.Int(0))) continue;
     pairs.push_back({CheckedPairId(select.Int(0)),
                      static_cast<size_t>(std::max<int64_t>(0, select.Int(1)))});
   }

@@ -8,6 +8,7 @@
 
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,8 @@ class MatchReader {
     size_t num_matches = 0;
   };
 
-  // The scene holds the images of the database. Both must outlive the reader.
+  // The scene holds the images of the database, or some of them: pairs with
+  // others do not count. Both must outlive the reader.
   MatchReader(const SqliteConnection& connection, const Scene& scene);
 
   // The pairs of Scene::matches by increasing id: those of the table matches
@@ -35,6 +37,7 @@ class MatchReader {
 
  private:
   colmap::image_pair_t CheckedPairId(int64_t pair_id) const;
+  bool IsLeftOut(int64_t pair_id) const;
   colmap::FeatureMatches ReadRow(const SqliteStatement& row) const;
   // Throws for the first of the matches whose key point, of those `select`ed,
   // is not there.
@@ -49,6 +52,8 @@ class MatchReader {
   const SqliteConnection& connection_;
   const Scene& scene_;
   std::map<colmap::image_t, int64_t> num_keypoints_;
+  // Images of the database that the scene lacks.
+  std::set<int64_t> left_out_images_;
   SqliteStatement select_putative_;
   SqliteStatement select_verified_;
 };

@@ -5,6 +5,9 @@
 #include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/pair_geometry.h"
 
+#include <functional>
+#include <string>
+
 namespace dgsfm {
 
 // Throws std::invalid_argument unless the geometry is one that can be stored:
@@ -20,6 +23,15 @@ class PairGeometryInserter {
  private:
   SqliteStatement insert_;
 };
+
+// The columns of the table, in the order of GeometryOfRow.
+extern const char kPairGeometryColumns[];
+
+// Reads a row that begins with these columns. Calls `fail`, which must throw,
+// with what is wrong with it.
+PairGeometry GeometryOfRow(
+    const SqliteStatement& row,
+    const std::function<void(const std::string& problem)>& fail);
 
 // Goes through the rows by pair id, leaving out those whose images have been
 // deleted.

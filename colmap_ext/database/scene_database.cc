@@ -89,8 +89,11 @@ class SceneReader {
   // At most about max_num_keypoints matched key points an image.
   explicit SceneReader(
       const SqliteConnection& connection,
-      size_t max_num_keypoints = std::numeric_limits<size_t>::max())
-      : connection_(connection), max_num_keypoints_(max_num_keypoints) {}
+      size_t max_num_keypoints = std::numeric_limits<size_t>::max(),
+      const std::optional<ImageNames>& names = std::nullopt)
+      : connection_(connection),
+        max_num_keypoints_(max_num_keypoints),
+        selected_(names) {}
 
   Scene Read(SceneContent content) {
     // Another program may write between two of the queries.
@@ -208,6 +211,16 @@ class SceneReader {
     }
   }
 
+  void CheckSelection() const {
+    if (!selected_) return;
+    for (const std::string& name : *selected_) {
+      if (names_.count(name) == 0) {
+        throw connection_.Error()
+            << "has no image " << name << ", which the list of images names";
+      }
+    }
+  }
+
   void ReadImages() {
     SqliteStatement select(connection_,
                            "SELECT image_id, name, camera_id FROM images");
@@ -229,10 +242,12 @@ class SceneReader {
       image.SetImageId(static_cast<colmap::image_t>(image_id));
       image.SetName(name);
       image.SetCameraId(static_cast<colmap::camera_t>(camera_id));
+      if (selected_ && selected_->count(name) == 0) continue;
       CheckIsNew(scene_.images.emplace(image.ImageId(), image).second,
                  "images have the id",
                  image.ImageId());
     }
+    CheckSelection();
     if (scene_.images.empty()) {
       throw connection_.Error() << "has no images; run feature_extractor first";
     }
@@ -244,8 +259,10 @@ class SceneReader {
                            "FROM keypoints JOIN images USING (image_id)");
     std::unordered_set<colmap::image_t> has_keypoints;
     while (select.Step()) {
-      colmap::Image& image =
-          scene_.images.at(static_cast<colmap::image_t>(select.Int(0)));
+      const auto found =
+          scene_.images.find(static_cast<colmap::image_t>(select.Int(0)));
+      if (found == scene_.images.end()) continue;
+      colmap::Image& image = found->second;
       if (!has_keypoints.insert(image.ImageId()).second) {
         throw connection_.Error()
             << "image " << image.Name() << " has two rows of key points";
@@ -259,25 +276,32 @@ class SceneReader {
 
   const SqliteConnection& connection_;
   const size_t max_num_keypoints_;
+  const std::optional<ImageNames> selected_;
   std::unordered_set<std::string> names_;
   Scene scene_;
 };
 
 }  // namespace
 
-Scene ReadScene(const std::string& database_path, SceneContent content) {
-  const SqliteConnection connection(database_path,
-                                    SqliteConnection::Mode::READ_ONLY);
+Scene ReadScene(const std::string& database_path,
+                SceneContent content,
+                SqliteConnection::Mode mode) {
+  const SqliteConnection connection(database_path, mode);
   return SceneReader(connection).Read(content);
 }
 
-Scene ReadSceneWithFewKeypoints(const std::string& database_path,
-                                int max_num_keypoints,
-                                SceneContent content) {
-  DGSFM_CHECK(max_num_keypoints > 0) << max_num_keypoints;
+Scene ReadPartOfScene(const std::string& database_path,
+                      int max_num_keypoints,
+                      const std::optional<ImageNames>& names,
+                      SceneContent content) {
+  DGSFM_CHECK(max_num_keypoints >= 0) << max_num_keypoints;
   const SqliteConnection connection(database_path,
                                     SqliteConnection::Mode::READ_ONLY);
-  return SceneReader(connection, static_cast<size_t>(max_num_keypoints))
+  return SceneReader(connection,
+                     max_num_keypoints == 0
+                         ? std::numeric_limits<size_t>::max()
+                         : static_cast<size_t>(max_num_keypoints),
+                     names)
       .Read(content);
 }
 

@@ -8,6 +8,8 @@
 #include "colmap_ext/database/sqlite.h"
 #include "colmap_ext/scene.h"
 
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -17,21 +19,28 @@ namespace dgsfm {
 // matches.
 enum class SceneContent { IMAGES, FEATURES, PAIRS, MATCHES };
 
+// The images of the database that a scene has.
+using ImageNames = std::set<std::string>;
+
 // Loads and validates a scene: indices in range, finite key points, known
 // cameras and camera models, no duplicate matches (duplicates are removed).
 // Throws std::runtime_error naming the file and the image or pair. The
 // database is opened read-only and must exist. Camera models that COLMAP 3.8
 // lacks are refused by name.
-Scene ReadScene(const std::string& database_path,
-                SceneContent content = SceneContent::MATCHES);
-// The same with at most about max_num_keypoints matched key points an image:
-// images with more use those that ChooseKeypoints takes for half as many
+Scene ReadScene(
+    const std::string& database_path,
+    SceneContent content = SceneContent::MATCHES,
+    SqliteConnection::Mode mode = SqliteConnection::Mode::READ_ONLY);
+// The same with at most about max_num_keypoints matched key points an image, 0
+// = all: images with more use those that ChooseKeypoints takes for half as many
 // matches, and those that these are matched with (Scene::kept_keypoints).
 // Memory grows with the images and with the matches of one image, not with all
-// matches.
-Scene ReadSceneWithFewKeypoints(const std::string& database_path,
-                                int max_num_keypoints,
-                                SceneContent content = SceneContent::MATCHES);
+// matches. With names the scene has these images alone and the pairs between
+// them; throws as well if an image does not exist.
+Scene ReadPartOfScene(const std::string& database_path,
+                      int max_num_keypoints,
+                      const std::optional<ImageNames>& names,
+                      SceneContent content = SceneContent::MATCHES);
 
 // The key points of one image of the scene [px]; none if it has no row. Throws
 // as ReadScene().

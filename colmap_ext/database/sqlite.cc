@@ -67,10 +67,23 @@ bool IsInWalMode(const std::string& path) {
   return header[18] == 2 && header[19] == 2;
 }
 
+uintmax_t FileSize(const std::string& path) {
+  std::error_code error;
+  const uintmax_t size = fs::file_size(path, error);
+  return error ? 0 : size;
+}
+
 // Whether a writer left changes that are not yet in the file itself.
 bool HasPendingChanges(const std::string& path) {
-  const std::string wal = path + "-wal";
-  return fs::exists(wal) && fs::file_size(wal) > 0;
+  return FileSize(path + "-wal") > 0;
+}
+
+// Whether a writer is at work, or left changes to be written or undone.
+bool IsBeingWritten(const std::string& path) {
+  // SQLite clears or removes the header of a journal that is done with.
+  char first = 0;
+  std::ifstream(path + "-journal", std::ios::binary).read(&first, 1);
+  return HasPendingChanges(path) || first != 0;
 }
 
 bool IsWritable(const fs::path& path) {
@@ -79,6 +92,17 @@ bool IsWritable(const fs::path& path) {
 
 }  // namespace
 
+std::string ChangeStamp(const std::string& path) {
+  char header[28] = {};
+  std::ifstream(path, std::ios::binary).read(header, sizeof(header));
+  std::ostringstream stamp;
+  stamp << FileSize(path) << " " << FileSize(path + "-wal") << " "
+        << FileSize(path + "-journal");
+  // SQLite's file change counter.
+  for (int i = 24; i < 28; ++i) stamp << " " << int(header[i]);
+  return stamp.str();
+}
+
 SqliteConnection::SqliteConnection(const std::string& path,
                                    Mode mode,
                                    std::chrono::milliseconds busy_timeout)
@@ -86,26 +110,33 @@ SqliteConnection::SqliteConnection(const std::string& path,
   if (fs::is_directory(path)) {
     throw Error() << "is a folder, not a database";
   }
-  if (mode != Mode::CREATE && !fs::exists(path)) {
+  const bool creates = mode == Mode::CREATE || mode == Mode::CREATE_ALONE;
+  if (!creates && !fs::exists(path)) {
     throw Error() << "no such database file";
   }
   try {
     const bool is_writable =
         IsWritable(path) && IsWritable(fs::absolute(path).parent_path());
-    if (mode == Mode::READ_ONLY && !is_writable && IsInWalMode(path) &&
-        !HasPendingChanges(path)) {
+    if (mode == Mode::UNCHANGING && IsBeingWritten(path)) {
+      throw Error() << "is being written, or a writer that was broken off left "
+                       "changes beside it; close all programs that use it and "
+                       "open it once for writing (sqlite3 FILE 'VACUUM')";
+    }
+    if (mode == Mode::UNCHANGING ||
+        (mode == Mode::READ_ONLY && !is_writable && IsInWalMode(path) &&
+         !HasPendingChanges(path))) {
       Open(FileUri(path, "immutable=1"),
            SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
     } else {
       // Readers open for writing as well where they may: only then SQLite can
       // recover after a crashed writer and tidy up its -wal and -shm files.
       Open(path,
-           SQLITE_OPEN_READWRITE |
-               (mode == Mode::CREATE ? SQLITE_OPEN_CREATE : 0));
+           SQLITE_OPEN_READWRITE | (creates ? SQLITE_OPEN_CREATE : 0),
+           mode == Mode::CREATE_ALONE ? "unix-none" : nullptr);
     }
     // SQLite opens lazily: the first query shows whether the file is usable.
     Execute("SELECT 1 FROM sqlite_master LIMIT 1");
-    if (mode == Mode::READ_ONLY) {
+    if (mode == Mode::READ_ONLY || mode == Mode::UNCHANGING) {
       Execute("PRAGMA query_only = ON");
     } else if (sqlite3_db_readonly(handle_, "main") == 1) {
       throw Error() << "database not writable";
@@ -119,9 +150,11 @@ SqliteConnection::SqliteConnection(const std::string& path,
 
 SqliteConnection::~SqliteConnection() { Close(); }
 
-void SqliteConnection::Open(const std::string& file, int flags) {
-  const int result_code = sqlite3_open_v2(
-      file.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
+void SqliteConnection::Open(const std::string& file,
+                            int flags,
+                            const char* vfs) {
+  const int result_code =
+      sqlite3_open_v2(file.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, vfs);
   if (result_code != SQLITE_OK) Fail(result_code, "");
   sqlite3_extended_result_codes(handle_, 1);
   sqlite3_busy_timeout(handle_, static_cast<int>(busy_timeout_.count()));

@@ -42,18 +42,27 @@ class DatabaseError : public std::runtime_error {
   std::string message_;
 };
 
+// Another text once a writer has changed the file: its size, SQLite's count of
+// changes, and what waits beside it to be written.
+std::string ChangeStamp(const std::string& path);
+
 // An open database file with foreign keys enforced. Opening never changes the
 // journal mode, user_version or any other setting kept in the file.
 class SqliteConnection {
  public:
   enum class Mode {
     READ_ONLY,   // the file must exist; writing fails
+    UNCHANGING,  // as READ_ONLY, of a file that nobody writes meanwhile: needs
+                 // no lock and no file beside it, for any number of readers
     READ_WRITE,  // the file must exist and be writable
     CREATE,      // as READ_WRITE, makes the file where it is missing
+    CREATE_ALONE,  // as CREATE, of a file that no other process opens: without
+                   // locks, which not all network file systems have
   };
 
   // A database in WAL mode without write access to it or its folder is read
   // as a file that nobody changes, unless a writer left changes beside it.
+  // With such changes UNCHANGING is refused.
   SqliteConnection(
       const std::string& path,
       Mode mode,
@@ -77,7 +86,7 @@ class SqliteConnection {
   [[noreturn]] void Fail(int result_code, const std::string& sql) const;
 
  private:
-  void Open(const std::string& file, int flags);
+  void Open(const std::string& file, int flags, const char* vfs = nullptr);
   void Close();
 
   std::string path_;

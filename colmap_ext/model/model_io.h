@@ -31,7 +31,8 @@ struct ModelObservation {
 struct ModelImage {
   colmap::camera_t camera_id = colmap::kInvalidCameraId;
   Rigid3d cam_from_world;
-  // Without the key points that see no point of the model.
+  // Without the key points that see no point of the model; key points of other
+  // programs need not be those of a database.
   std::vector<ModelObservation> observations;
 };
 

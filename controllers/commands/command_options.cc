@@ -10,6 +10,7 @@
 #include <functional>
 #include <iostream>
 #include <map>
+#include <sstream>
 #include <stdexcept>
 #include <type_traits>
 #include <vector>
@@ -69,18 +70,9 @@ std::string Unquote(const std::string& text) {
 }
 
 // Reads "name=value" lines, after a line [Group] as "Group.name".
-po::parsed_options ReadProject(const std::string& path,
-                               const po::options_description& description) {
-  if (!std::filesystem::is_regular_file(path)) {
-    throw std::runtime_error("project file " + path + " does not exist");
-  }
-  boost::property_tree::ptree tree;
-  try {
-    boost::property_tree::read_ini(path, tree);
-  } catch (const boost::property_tree::ini_parser_error& error) {
-    throw std::runtime_error(std::string("cannot read project file ") +
-                             error.what());
-  }
+po::parsed_options ParseProject(const boost::property_tree::ptree& tree,
+                                const std::string& path,
+                                const po::options_description& description) {
   po::parsed_options parsed(&description);
   const auto add = [&](const std::string& name, const std::string& value) {
     if (description.find_nothrow(name, /*approx=*/false) == nullptr) {
@@ -95,6 +87,21 @@ po::parsed_options ReadProject(const std::string& path,
     }
   }
   return parsed;
+}
+
+po::parsed_options ReadProject(const std::string& path,
+                               const po::options_description& description) {
+  if (!std::filesystem::is_regular_file(path)) {
+    throw std::runtime_error("project file " + path + " does not exist");
+  }
+  boost::property_tree::ptree tree;
+  try {
+    boost::property_tree::read_ini(path, tree);
+  } catch (const boost::property_tree::ini_parser_error& error) {
+    throw std::runtime_error(std::string("cannot read project file ") +
+                             error.what());
+  }
+  return ParseProject(tree, path, description);
 }
 
 // Where Parse() describes the options instead.
@@ -331,6 +338,21 @@ std::string CommandOptions::ProjectText() const {
     text += "[" + group + "]\n" + lines;
   }
   return text;
+}
+
+void CommandOptions::SetFromProjectText(const std::string& text) {
+  try {
+    boost::property_tree::ptree tree;
+    std::istringstream stream(text);
+    boost::property_tree::read_ini(stream, tree);
+    po::variables_map values;
+    po::store(ParseProject(tree, "the options", impl_->description), values);
+    po::notify(values);
+  } catch (const boost::property_tree::ini_parser_error& error) {
+    throw std::runtime_error(std::string("damaged options: ") + error.what());
+  } catch (const po::error& error) {
+    throw std::runtime_error(error.what());
+  }
 }
 
 void CommandOptions::WriteProject(const std::string& path) const {

@@ -66,6 +66,9 @@ class CommandOptions {
   // Writes all options with their values as a project file that
   // --project_path reads. Throws std::runtime_error if it cannot be written.
   void WriteProject(const std::string& path) const;
+  // Sets options as ProjectText() gave them. Throws std::runtime_error if a
+  // line is damaged or has an option that is not bound here.
+  void SetFromProjectText(const std::string& text);
 
  private:
   struct Impl;

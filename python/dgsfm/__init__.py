@@ -21,6 +21,7 @@ from ._api import (
     global_depth_mapping,
     import_dense_matches,
     import_depth,
+    merge_shards,
     read_report,
     verify_pairs,
 )
@@ -48,6 +49,7 @@ __all__ = [
     "global_depth_mapping",
     "import_dense_matches",
     "import_depth",
+    "merge_shards",
     "read_report",
     "verify_pairs",
 ]

@@ -174,6 +174,10 @@ def verify_pairs(
     Pairs whose stored result still holds are not verified again, so a run that
     was broken off, by Ctrl-C too, goes on where it stopped.
 
+    With output_path, shard_index and num_shards a part of the pairs is verified,
+    and the result goes to that file, for merge_shards; the database is not
+    written.
+
     Options can be given as an object, as a mapping, or as keywords.
     progress(label, done, total), if given, is called with the number of pairs.
 
@@ -182,6 +186,36 @@ def verify_pairs(
     """
     values = _merge(DepthGeometricVerifierOptions, options, fields)
     return _core.verify_pairs(os.fspath(database_path), values, progress)
+
+
+def merge_shards(
+    database_path: DatabasePath,
+    shard_paths: Union[Path, Sequence[Path]],
+    *,
+    num_threads: int = -1,
+    progress: Progress = None,
+) -> dict:
+    """Stores the results of all shards of a verification in the database.
+
+    Shards are files that verify_pairs wrote with the options output_path,
+    shard_index and num_shards; shard_paths are these, or folders of them (*.db).
+    The database then holds what verify_pairs without these options stores.
+
+    progress(label, done, total), if given, is called with the number of shards.
+
+    Returns a dict as that of verify_pairs.
+
+    Raises RuntimeError, and leaves the database as it was, if shards are missing,
+    damaged, of other data or do not belong together.
+    """
+    if isinstance(shard_paths, (str, os.PathLike)):
+        shard_paths = [shard_paths]
+    paths = [os.fspath(path) for path in shard_paths]
+    if any("," in path for path in paths):
+        raise ValueError("paths of shards must have no commas")
+    return _core.merge_shards(
+        os.fspath(database_path), ",".join(paths), num_threads, progress
+    )
 
 
 class Model(os.PathLike):

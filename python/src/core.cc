@@ -7,6 +7,8 @@
 #include "controllers/global_depth_mapper.h"
 #include "controllers/model_evaluator.h"
 #include "controllers/output_folder.h"
+#include "controllers/pair_geometry_merger.h"
+#include "controllers/pair_shard_verifier.h"
 
 #include <csignal>
 #include <optional>
@@ -114,7 +116,23 @@ nb::dict VerifyDatabase(const std::string& database_path,
   options.database_path = database_path;
   Configure(values, &options);
   VerificationSummary summary;
-  RunWork([&] { summary = VerifyDatabasePairs(options); }, progress);
+  RunWork(
+      [&] {
+        summary = options.IsShard() ? VerifyPairShard(options)
+                                    : VerifyDatabasePairs(options);
+      },
+      progress);
+  return ToPython(summary);
+}
+
+nb::dict MergeShards(const std::string& database_path,
+                     const std::string& shard_paths,
+                     int num_threads,
+                     const nb::object& progress) {
+  const PairGeometryMergerOptions options = {
+      database_path, shard_paths, num_threads};
+  VerificationSummary summary;
+  RunWork([&] { summary = MergePairShards(options); }, progress);
   return ToPython(summary);
 }
 
@@ -220,6 +238,12 @@ NB_MODULE(_core, module) {
              &dgsfm::VerifyDatabase,
              arg("database_path"),
              arg("options"),
+             arg("progress").none());
+  module.def("merge_shards",
+             &dgsfm::MergeShards,
+             arg("database_path"),
+             arg("shard_paths"),
+             arg("num_threads"),
              arg("progress").none());
   module.def("global_depth_mapping",
              &dgsfm::MapGlobally,

@@ -1,5 +1,6 @@
 #include "sfm/mapping/component_mapping.h"
 
+#include "colmap_ext/model/registered_images.h"
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/process_memory.h"
 #include "sfm/georeferencing/georeferencing.h"
@@ -79,9 +80,9 @@ colmap::Reconstruction CreateModel(const MappingContext& context,
 }
 
 ModelInProgress CreateProgress(const MappingContext& context,
-                               const ComponentRotations& rotations) {
+                               const std::vector<colmap::image_t>& image_ids) {
   ModelInProgress progress;
-  progress.cameras = CamerasOf(context.scene, rotations.image_ids);
+  progress.cameras = CamerasOf(context.scene, image_ids);
   progress.beliefs = context.camera_beliefs;
   progress.final_loss_scale_px =
       context.options.refinement.bundle_adjustment.loss_scale_px;
@@ -91,7 +92,7 @@ ModelInProgress CreateProgress(const MappingContext& context,
     progress.rigs.refined_cameras =
         CamerasToCalibrate(context.scene.rigs, /*all=*/true);
   } else {
-    progress.rigs.fix_scale = HasBaseline(context.frames, rotations.image_ids);
+    progress.rigs.fix_scale = HasBaseline(context.frames, image_ids);
   }
   return progress;
 }
@@ -115,7 +116,7 @@ ModelInProgress StartModel(const MappingContext& context,
   const ImageIndex index(rotations.image_ids);
   const ImageScales scales =
       AverageScalesAndFilter(context, rotations, index, pairs, log);
-  ModelInProgress progress = CreateProgress(context, rotations);
+  ModelInProgress progress = CreateProgress(context, rotations.image_ids);
   StageTimer timer("initialization");
   const TrackOptions& track_options = context.options.tracks;
   auto established = EstablishTracks(index, *pairs, track_options);
@@ -222,6 +223,41 @@ void MeasureRepeatability(const MappingContext& context,
   timer.Finish(&log->stages);
 }
 
+// From a refined model on; `is_refined` is whether that succeeded.
+void CompleteComponent(const MappingContext& context,
+                       bool is_refined,
+                       bool measure_repeatability,
+                       PairGeometries* pairs,
+                       ModelInProgress* progress,
+                       ComponentResult* result,
+                       MappingLog* log) {
+  colmap::Reconstruction& model = progress->model;
+  const bool success = is_refined && CalibrateSensors(context, progress, log);
+  if (success) {
+    CalibrateCameras(context, progress, log);
+    CompleteTracks(context, *pairs, progress, log);
+    JudgePairs(context, *progress, pairs);
+    HoldImplausibleCameras(context, progress, log);
+    if (measure_repeatability) {
+      MeasureRepeatability(context, *progress, result, log);
+    }
+  }
+  FinishModel(context, progress, result, log);
+  const int min_model_size = context.options.min_model_size;
+  if (!success || model.NumRegImages() < size_t(min_model_size)) {
+    for (const colmap::image_t image_id : model.RegImageIds()) {
+      result->unregistered_images[image_id] =
+          success ? "its model has fewer than " +
+                        std::to_string(min_model_size) + " images"
+                  : "the optimisation of its model failed";
+    }
+    result->depth_scales.clear();
+    return;
+  }
+  FinishCameras(context, progress, result);
+  result->model = std::make_unique<colmap::Reconstruction>(std::move(model));
+}
+
 }  // namespace
 
 ComponentResult MapComponent(const MappingContext& context,
@@ -232,38 +268,47 @@ ComponentResult MapComponent(const MappingContext& context,
   ComponentResult result;
   ModelStart start;
   ModelInProgress progress = StartModel(context, rotations, pairs, &start, log);
-  colmap::Reconstruction& model = progress.model;
   for (const colmap::image_t image_id : rotations.image_ids) {
-    if (!model.IsImageRegistered(image_id)) {
+    if (!progress.model.IsImageRegistered(image_id)) {
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
     }
   }
   const bool is_refined = RefineModel(context, start, &progress, log);
   start = nullptr;
-  const bool success = is_refined && CalibrateSensors(context, &progress, log);
-  if (success) {
-    CalibrateCameras(context, &progress, log);
-    CompleteTracks(context, *pairs, &progress, log);
-    JudgePairs(context, progress, pairs);
-    HoldImplausibleCameras(context, &progress, log);
-    if (measure_repeatability) {
-      MeasureRepeatability(context, progress, &result, log);
-    }
+  CompleteComponent(context,
+                    is_refined,
+                    measure_repeatability,
+                    pairs,
+                    &progress,
+                    &result,
+                    log);
+  return result;
+}
+
+ComponentResult FinishJoinedModel(const MappingContext& context,
+                                  colmap::Reconstruction model,
+                                  PairGeometries* pairs,
+                                  MappingLog* log) {
+  ComponentResult result;
+  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
+  ModelInProgress progress = CreateProgress(context, image_ids);
+  progress.model = std::move(model);
+  if (!context.options.skip_match_completion) {
+    ReleaseInliers(ImageIndex(image_ids), pairs);
   }
-  FinishModel(context, &progress, &result, log);
-  const int min_model_size = context.options.min_model_size;
-  if (!success || model.NumRegImages() < size_t(min_model_size)) {
-    for (const colmap::image_t image_id : model.RegImageIds()) {
-      result.unregistered_images[image_id] =
-          success ? "its model has fewer than " +
-                        std::to_string(min_model_size) + " images"
-                  : "the optimisation of its model failed";
-    }
-    result.depth_scales.clear();
-    return result;
+  if (context.options.TiesCameras()) {
+    TieCameraClasses(context.options.refinement.bundle_adjustment.intrinsics,
+                     &progress.beliefs,
+                     &progress.model);
   }
-  FinishCameras(context, &progress, &result);
-  result.model = std::make_unique<colmap::Reconstruction>(std::move(model));
+  const bool is_refined = AdjustModel(context, &progress, log);
+  CompleteComponent(context,
+                    is_refined,
+                    /*measure_repeatability=*/false,
+                    pairs,
+                    &progress,
+                    &result,
+                    log);
   return result;
 }
 

@@ -92,39 +92,6 @@ bool PositionModel(const MappingContext& context,
   return model.NumPoints3D() > 0;
 }
 
-bool AdjustModel(const MappingContext& context,
-                 ModelInProgress* progress,
-                 MappingLog* log) {
-  colmap::Reconstruction& model = progress->model;
-  const DepthGlobalMapperOptions& options = context.options;
-  if (options.skip_bundle_adjustment) return true;
-  const int num_rounds = options.refinement.num_bundle_adjustment_rounds;
-  BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
-  if (options.HasFinalAdjustment()) {
-    adjustment.function_tolerance =
-        std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
-  }
-  for (int round = 0; round < num_rounds; ++round) {
-    StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = Adjust(context,
-                                             adjustment,
-                                             progress->beliefs,
-                                             progress->rigs,
-                                             progress->center_priors,
-                                             &model);
-    if (!rms) return false;
-    // Early rounds still show errors of the start, which must not cost points.
-    const size_t num_filtered =
-        FilterObservations(options.refinement, num_rounds - round, &model);
-    timer.Add("round", round + 1)
-        .Add("rms_px", *rms)
-        .Add("observations_filtered", double(num_filtered))
-        .Add("points", double(model.NumPoints3D()));
-    timer.Finish(&log->stages);
-  }
-  return model.NumPoints3D() > 0;
-}
-
 SelfCalibrationOptions SelfCalibration(const MappingContext& context,
                                        const ModelInProgress& progress) {
   SelfCalibrationOptions options;
@@ -169,6 +136,39 @@ bool Untie(const MappingContext& context,
 }
 
 }  // namespace
+
+bool AdjustModel(const MappingContext& context,
+                 ModelInProgress* progress,
+                 MappingLog* log) {
+  colmap::Reconstruction& model = progress->model;
+  const DepthGlobalMapperOptions& options = context.options;
+  if (options.skip_bundle_adjustment) return true;
+  const int num_rounds = options.refinement.num_bundle_adjustment_rounds;
+  BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
+  if (options.HasFinalAdjustment()) {
+    adjustment.function_tolerance =
+        std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
+  }
+  for (int round = 0; round < num_rounds; ++round) {
+    StageTimer timer("bundle_adjustment");
+    const std::optional<double> rms = Adjust(context,
+                                             adjustment,
+                                             progress->beliefs,
+                                             progress->rigs,
+                                             progress->center_priors,
+                                             &model);
+    if (!rms) return false;
+    // Early rounds still show errors of the start, which must not cost points.
+    const size_t num_filtered =
+        FilterObservations(options.refinement, num_rounds - round, &model);
+    timer.Add("round", round + 1)
+        .Add("rms_px", *rms)
+        .Add("observations_filtered", double(num_filtered))
+        .Add("points", double(model.NumPoints3D()));
+    timer.Finish(&log->stages);
+  }
+  return model.NumPoints3D() > 0;
+}
 
 bool RefineModel(const MappingContext& context,
                  const ModelStart& start,

@@ -35,6 +35,12 @@ struct ModelInProgress {
 // Returns a model with first positions, the same each time.
 using ModelStart = std::function<colmap::Reconstruction()>;
 
+// Adjusts a positioned model in rounds, with a filter after each. Returns false
+// if a solver failed or no point is left.
+bool AdjustModel(const MappingContext& context,
+                 ModelInProgress* progress,
+                 MappingLog* log);
+
 // Positions and adjusts a started model, with shared intrinsics of all cameras
 // of a kind, and from its start once more without the images that contradict
 // theirs. Returns false if a solver failed or no point is left.

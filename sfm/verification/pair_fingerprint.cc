@@ -37,6 +37,8 @@ void AddPoint(const PairImage& image,
 
 }  // namespace
 
+uint32_t PairMethodVersion() { return kVersion; }
+
 uint64_t PairFingerprint(const PairImage& image1,
                          const PairImage& image2,
                          const colmap::FeatureMatches& matches,

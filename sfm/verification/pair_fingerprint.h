@@ -4,9 +4,13 @@
 
 #include "sfm/verification/pair_verification.h"
 
+#include <cstdint>
 #include <string>
 
 namespace dgsfm {
+
+// Version of the method of VerifyPair(), which fingerprints have in them.
+uint32_t PairMethodVersion();
 
 // 64-bit FNV-1a hash of all that VerifyPair() takes for a pair: its matches
 // with their points and depths, cameras, priors of focal lengths, and the

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
+#include "tests/controllers/pair_rows.h"
 #include "tests/controllers/run_command.h"
 #include "tests/testing/test_dir.h"
 
@@ -47,23 +48,6 @@ class DepthGeometricVerifier : public testing::Test {
   std::string path_;
   DepthGeometricVerifierOptions options_;
 };
-
-// All values of all columns of the pair geometries.
-std::vector<std::string> PairRows(const std::string& path) {
-  const SqliteConnection connection(path, SqliteConnection::Mode::READ_ONLY);
-  std::string values = "''";
-  SqliteStatement columns(
-      connection,
-      "SELECT name FROM pragma_table_info('dgsfm_pair_geometries')");
-  while (columns.Step()) values += "||','||quote(" + columns.Text(0) + ")";
-  std::vector<std::string> rows;
-  if (values.size() == 2) return rows;
-  SqliteStatement select(
-      connection,
-      "SELECT " + values + " FROM dgsfm_pair_geometries ORDER BY pair_id");
-  while (select.Step()) rows.push_back(select.Text(0));
-  return rows;
-}
 
 size_t NumPairs(const PairTotals& totals) {
   size_t num_pairs = 0;

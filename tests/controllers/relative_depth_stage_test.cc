@@ -49,7 +49,7 @@ class RelativeDepthStage : public testing::Test {
   RelativeDepths Convert(KeypointDepthMap* depths) {
     Scene scene = ReadScene(path_);
     std::vector<StageReport> stages;
-    *depths = LoadDepths(options_, {}, &stages);
+    *depths = LoadDepths(options_, scene, &stages);
     return ConvertRelativeDepths(options_, &scene, depths, &stages);
   }
 

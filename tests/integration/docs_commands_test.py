@@ -40,7 +40,7 @@ OTHERS = {
 }  # fmt: skip
 GROUPS = (
     "DepthGlobalMapper|TwoViewDepth|PairVerification|DepthConsistency"
-    "|DepthAlignment|DepthSampling|MultiViewDepth"
+    "|DepthAlignment|DepthSampling|MultiViewDepth|PartJoining"
 )
 
 

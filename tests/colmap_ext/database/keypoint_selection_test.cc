@@ -82,7 +82,7 @@ class SceneWithFewKeypoints : public testing::Test {
 };
 
 TEST_F(SceneWithFewKeypoints, IsTheWholeSceneWhereThereAreFew) {
-  const Scene scene = ReadSceneWithFewKeypoints(path_, 100000);
+  const Scene scene = ReadPartOfScene(path_, 100000, {});
   EXPECT_TRUE(scene.kept_keypoints.empty());
   for (const auto& [image_id, image] : all_.images) {
     EXPECT_EQ(scene.images.at(image_id).NumPoints2D(), image.NumPoints2D());
@@ -95,9 +95,9 @@ TEST_F(SceneWithFewKeypoints, IsTheWholeSceneWhereThereAreFew) {
 
 TEST_F(SceneWithFewKeypoints, HasTheSameMatchesReadWhenTheyAreNeeded) {
   for (const int max_num_keypoints : {100000, 60}) {
-    const Scene expected = ReadSceneWithFewKeypoints(path_, max_num_keypoints);
-    Scene scene = ReadSceneWithFewKeypoints(
-        path_, max_num_keypoints, SceneContent::PAIRS);
+    const Scene expected = ReadPartOfScene(path_, max_num_keypoints, {});
+    Scene scene =
+        ReadPartOfScene(path_, max_num_keypoints, {}, SceneContent::PAIRS);
     scene.match_source = std::make_shared<StoredMatches>(path_, scene);
     ASSERT_EQ(scene.matches.size(), expected.matches.size());
     for (const auto& [pair_id, matches] : expected.matches) {
@@ -114,7 +114,7 @@ TEST_F(SceneWithFewKeypoints, HasTheSameMatchesReadWhenTheyAreNeeded) {
 
 TEST_F(SceneWithFewKeypoints, KeepsThePositionsThatMatchesReferTo) {
   constexpr int kMaxNumKeypoints = 60;
-  const Scene scene = ReadSceneWithFewKeypoints(path_, kMaxNumKeypoints);
+  const Scene scene = ReadPartOfScene(path_, kMaxNumKeypoints, {});
   ASSERT_EQ(scene.kept_keypoints.size(), all_.images.size());
   size_t num_keypoints = 0;
   for (const auto& [image_id, kept] : scene.kept_keypoints) {

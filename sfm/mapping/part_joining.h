@@ -1,0 +1,43 @@
+// Which models of overlapping parts of a scene are in one frame.
+
+#pragma once
+
+#include "estimators/averaging/graph_averaging.h"
+#include "sfm/mapping/part_model.h"
+
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+struct PartJoiningOptions {
+  // Images that two models must share to be compared.
+  int min_num_shared_images = 3;
+  // Of which this share must agree [1]: those whose rotations differ by at most
+  // max_rotation_error_deg [deg] and whose centres by at most max_center_error
+  // [median depth of the image's points], in the frame of both.
+  double min_agreeing_share = 0.6;
+  double max_rotation_error_deg = 1.0;
+  double max_center_error = 0.02;
+  GraphAveragingOptions averaging;
+
+  bool IsValid(std::string* error) const;
+};
+
+struct PartGroups {
+  // Each part is in one, the groups of most images first. Gauge: the frame of
+  // the part with most images.
+  std::vector<PartGroup> groups;
+  // Why parts are not joined with others that they share images with, in
+  // sentences that name both.
+  std::vector<std::string> contradictions;
+};
+
+// Similarities between models that share images, from shared points and
+// centres, averaged robustly over all. A model that contradicts its neighbours
+// by more of its shared images than any other is left out, as long as there is
+// one. Deterministic.
+PartGroups GroupParts(const PartJoiningOptions& options,
+                      const std::vector<PartModel>& parts);
+
+}  // namespace dgsfm

@@ -1,0 +1,154 @@
+#include "controllers/image_list.h"
+#include "controllers/model_evaluator.h"
+#include "controllers/part_model_reader.h"
+#include "controllers/view_graph_partitioner.h"
+#include "tests/controllers/pair_rows.h"
+#include "tests/controllers/run_command.h"
+#include "tests/testing/expect_error.h"
+#include "tests/testing/test_dir.h"
+
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace dgsfm {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+// A street of forty images, whose pairs are verified.
+class ModelJoiner : public testing::Test {
+ protected:
+  void SetUp() override {
+    dir_ = CreateTestDir();
+    path_ = SynthesizeDatabase(dir_,
+                               {"--family",
+                                "street",
+                                "--num_images",
+                                "40",
+                                "--num_cameras",
+                                "1",
+                                "--num_points_per_image",
+                                "200",
+                                "--max_num_neighbors",
+                                "12"});
+    ExpectSuccess(
+        RunForTest(&RunDepthGeometricVerifier, {"--database_path", path_}));
+  }
+
+  static void ExpectSuccess(const CommandResult& result) {
+    EXPECT_EQ(result.code, 0) << result.err;
+  }
+
+  CommandResult Map(const std::string& output_path,
+                    std::vector<std::string> options = {}) const {
+    const std::vector<std::string> required = {
+        "--database_path", path_, "--output_path", output_path};
+    options.insert(options.begin(), required.begin(), required.end());
+    return RunForTest(&RunDepthGlobalMapper, options);
+  }
+
+  // Maps the parts into folders beside the lists; returns these.
+  std::string MapParts(const std::string& folder) const {
+    std::string paths;
+    for (int i = 0;; ++i) {
+      const std::string part = folder + "/part_000" + std::to_string(i);
+      if (!fs::exists(part + ".txt")) return paths;
+      ExpectSuccess(Map(part, {"--image_list_path", part + ".txt"}));
+      paths += (paths.empty() ? "" : ",") + part;
+    }
+  }
+
+  CommandResult Join(const std::string& paths,
+                     const std::string& output_path) const {
+    return RunForTest(&RunModelJoiner,
+                      {"--database_path",
+                       path_,
+                       "--input_paths",
+                       paths,
+                       "--output_path",
+                       output_path});
+  }
+
+  ModelEvaluation Evaluate(const std::string& model_path) const {
+    return EvaluateModel(model_path, dir_ + "/scene/gt", {1, 5});
+  }
+
+  std::string dir_;
+  std::string path_;
+};
+
+TEST_F(ModelJoiner, PartsGiveTheModelOfOneRun) {
+  ExpectSuccess(Map(dir_ + "/single"));
+  const std::string parts = dir_ + "/parts";
+  ExpectSuccess(RunForTest(&RunViewGraphPartitioner,
+                           {"--database_path",
+                            path_,
+                            "--output_path",
+                            parts,
+                            "--max_part_size",
+                            "22",
+                            "--overlap",
+                            "0.3"}));
+  const std::vector<std::string> rows = PairRows(path_);
+  const std::string paths = MapParts(parts);
+  // A part leaves the pairs of others alone.
+  EXPECT_EQ(PairRows(path_), rows);
+  ExpectSuccess(Join(paths, dir_ + "/joined"));
+  const ModelEvaluation single = Evaluate(dir_ + "/single");
+  const ModelEvaluation joined = Evaluate(dir_ + "/joined");
+  EXPECT_EQ(joined.num_models, 1);
+  EXPECT_EQ(joined.metrics.num_registered, 40);
+  // Both are at the minimum of one adjustment, up to its tolerance.
+  EXPECT_GT(joined.auc[0], single.auc[0] - 1);
+  EXPECT_GT(joined.auc[1], single.auc[1] - 0.5);
+}
+
+TEST_F(ModelJoiner, PartitionCoversAllImages) {
+  GraphPartitionOptions options;
+  options.max_part_size = 15;
+  const ViewGraphPartition partition = PartitionViewGraph(path_, options);
+  std::set<std::string> names;
+  for (const auto& part : partition.parts) {
+    EXPECT_LE(part.size(), 15);
+    names.insert(part.begin(), part.end());
+  }
+  EXPECT_EQ(names.size(), 40);
+  SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute("DELETE FROM dgsfm_pair_geometries");
+  ExpectError([&] { PartitionViewGraph(path_, options); },
+              "has no verified pairs that are valid");
+}
+
+TEST_F(ModelJoiner, NamesWhatLacksInListsAndModels) {
+  std::ofstream(dir_ + "/list.txt") << "no_such.jpg\n";
+  const CommandResult result =
+      Map(dir_ + "/part", {"--image_list_path", dir_ + "/list.txt"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_THAT(result.err, HasSubstr("has no image no_such.jpg"));
+  std::ofstream(dir_ + "/empty.txt") << "\n\r\n";
+  ExpectError([&] { ReadImageList(dir_ + "/empty.txt"); }, "is empty");
+  ExpectError([&] { ReadImageList(dir_ + "/no.txt"); }, "cannot read");
+  EXPECT_EQ(Join(dir_ + "/no_models", dir_ + "/joined").code, 1);
+  // Key points were extracted again since.
+  ExpectSuccess(Map(dir_ + "/single"));
+  Scene scene = ReadScene(path_);
+  ASSERT_EQ(ReadPartModels(dir_ + "/single", scene).size(), 1);
+  auto& image = scene.images.begin()->second;
+  for (size_t i = 0; i < image.NumPoints2D(); ++i) {
+    colmap::Point2D& point = image.Point2D(i);
+    point.SetXY(point.XY() + Eigen::Vector2d(0.5, 0));
+  }
+  ExpectError([&] { ReadPartModels(dir_ + "/single", scene); },
+              "has other key points than the database");
+  scene.images.erase(scene.images.begin());
+  ExpectError([&] { ReadPartModels(dir_ + "/single", scene); },
+              "which the database lacks");
+}
+
+}  // namespace
+}  // namespace dgsfm
