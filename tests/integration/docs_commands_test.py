@@ -35,6 +35,7 @@ MARKER = re.compile(r"<!-- commands: (run|need [^>]+|by hand, [^>]+) -->\n\s*$")
 # Options of programs that are not here.
 OTHERS = {
     "depths",  # of 3D Gaussian splatting's trainer
+    "nthreads",  # of Dask's workers
     "rm", "tag", "volume",  # of docker
     "build", "install", "prefix", "preset",  # of CMake
 }  # fmt: skip
