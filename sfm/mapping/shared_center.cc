@@ -19,7 +19,7 @@ namespace {
 constexpr double kMaxShareWithoutParallax = 0.8;
 // Median angle between the outermost rays of tracks up to which a start from
 // one centre is tried [deg]. Errors of averaged rotations are part of it.
-constexpr double kMaxRayAngleDeg = 4;
+constexpr double kMaxRayAngleDeg = 2.5;
 // How much more than expected one centre may cost, over what is expected.
 constexpr double kMaxExcessRatio = 2;
 // Centres nearer than this are the same [median distance of points].
