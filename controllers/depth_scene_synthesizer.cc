@@ -243,6 +243,10 @@ void BindDatabaseOptions(SyntheticSceneOptions* scene,
                &scene->component_step_m,
                "(database) how far these are apart along x [m], 0 = above each "
                "other");
+  options->Add("sway",
+               &scene->sway_m,
+               "(database) centres of cameras are off by up to this along each "
+               "axis [m]");
   options->Add("image_noise",
                &scene->image_noise_px,
                "(database) standard deviation of key points [px]");

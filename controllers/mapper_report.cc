@@ -4,6 +4,7 @@
 #include "controllers/georeference_file.h"
 #include "controllers/output_folder.h"
 #include "sfm/intrinsics/prior_trust.h"
+#include "sfm/mapping/shared_center.h"
 
 #include <cmath>
 
@@ -166,6 +167,7 @@ void WriteMapperReport(const std::string& path,
     report["models"].push_back(
         {{"images", result.models[i]->NumRegImages()},
          {"points", result.models[i]->NumPoints3D()},
+         {"one_center", IsAtOneCenter(*result.models[i])},
          {"unit", ModelUnitName(result.units[i].unit)},
          {"images_with_depth_scale", result.units[i].num_images},
          {"depth_scale_median", std::exp(result.units[i].log_scale)},

@@ -175,6 +175,14 @@ std::string DescribeAdjustment(const Reports& reports) {
          IfAny(reports.Sum("observations_filtered"), "observation", "left out");
 }
 
+std::string DescribeOneCenter(const Reports& reports) {
+  return std::string("Little parallax: ") +
+         (reports.Count("kept") > 0
+              ? "the model that grew from one centre stays"
+              : "the model stays as it started from pairs") +
+         (reports.Count("held") > 0 ? "; its images share one centre" : "");
+}
+
 std::string DescribeCalibration(const Reports& reports) {
   const size_t num_cameras = reports.Count("cameras");
   return "Self-calibration: " +
@@ -251,6 +259,10 @@ const std::vector<Chapter>& Chapters() {
        true,
        &DescribePositioning},
       {{"bundle_adjustment"}, "", true, &DescribeAdjustment},
+      {{"start_from_one_center", "one_center"},
+       "one_center",
+       true,
+       &DescribeOneCenter},
       {{"self_calibration"}, "self_calibration", true, &DescribeCalibration},
       {{"retriangulation", "final_adjustment"}, "", true, &DescribeCompletion},
       {{"metric_scale"}, "metric_scale", true, &DescribeScale},

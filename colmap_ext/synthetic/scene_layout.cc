@@ -238,6 +238,30 @@ class LowParallaxLayout : public SceneLayout {
   int num_images_;
 };
 
+// From one place in the middle of a round wall, in a full turn.
+class PanoramaLayout : public SceneLayout {
+ public:
+  explicit PanoramaLayout(int num_images) : num_images_(num_images) {}
+
+  std::vector<SurfacePoint> DrawPoints(RandomStream* random) const override {
+    const double azimuth = random->Uniform(0, 2 * M_PI);
+    const Eigen::Vector3d outwards(std::cos(azimuth), std::sin(azimuth), 0);
+    Eigen::Vector3d xyz = random->Uniform(8, 14) * outwards;
+    xyz.z() = random->Uniform(-4, 4);
+    return {{xyz, -outwards}};
+  }
+
+  Viewpoint DrawViewpoint(int i, RandomStream*) const override {
+    const double azimuth = 2 * M_PI * i / num_images_;
+    return {Eigen::Vector3d::Zero(),
+            10 * Eigen::Vector3d(std::cos(azimuth), std::sin(azimuth), 0),
+            /*center_jitter=*/0};
+  }
+
+ private:
+  int num_images_;
+};
+
 class ForwardLayout : public SceneLayout {
  public:
   explicit ForwardLayout(int num_images) : num_images_(num_images) {}
@@ -326,6 +350,7 @@ const std::vector<SceneFamily>& AllSceneFamilies() {
                                                     SceneFamily::REPEATS,
                                                     SceneFamily::TWINS,
                                                     SceneFamily::LOW_PARALLAX,
+                                                    SceneFamily::PANORAMA,
                                                     SceneFamily::FORWARD,
                                                     SceneFamily::INTERNET};
   return families;
@@ -347,6 +372,8 @@ std::string SceneFamilyName(SceneFamily family) {
       return "twins";
     case SceneFamily::LOW_PARALLAX:
       return "low_parallax";
+    case SceneFamily::PANORAMA:
+      return "panorama";
     case SceneFamily::FORWARD:
       return "forward";
     case SceneFamily::INTERNET:
@@ -392,6 +419,8 @@ std::unique_ptr<SceneLayout> CreateSceneLayout(SceneFamily family,
       return std::make_unique<TwinsLayout>(num_images);
     case SceneFamily::LOW_PARALLAX:
       return std::make_unique<LowParallaxLayout>(num_images);
+    case SceneFamily::PANORAMA:
+      return std::make_unique<PanoramaLayout>(num_images);
     case SceneFamily::FORWARD:
       return std::make_unique<ForwardLayout>(num_images);
     case SceneFamily::INTERNET:

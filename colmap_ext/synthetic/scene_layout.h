@@ -22,6 +22,7 @@ enum class SceneFamily {
   REPEATS,       // along a facade of bays that look alike
   TWINS,         // around a building whose front and back are the same
   LOW_PARALLAX,  // turning by 10 degrees and moving by 10 cm per image
+  PANORAMA,      // turning once around without moving
   FORWARD,       // along the axis of a corridor and of the camera, 0.5 m each
   INTERNET,      // crowds before landmarks, near and far, from all sides
 };

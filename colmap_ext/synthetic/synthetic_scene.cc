@@ -136,10 +136,17 @@ void Synthesizer::DrawImages(const Component& component) {
     image.component = component.index;
     // Images of a frame draw the same pose.
     RandomStream random = Random(POSES, image.image_id - cam);
+    const Rigid3d rig_from_world =
+        DrawPose(*component.layout, i / num_cams, &random);
+    Eigen::Vector3d sway = Eigen::Vector3d::Zero();
+    if (Options().sway_m > 0) {
+      for (double& offset : sway) {
+        offset = Options().sway_m * random.Uniform(-1, 1);
+      }
+    }
     image.cam_from_world =
-        cams_from_rig_[cam] *
-        DrawPose(*component.layout, i / num_cams, &random) *
-        Rigid3d(Eigen::Quaterniond::Identity(), -component.origin);
+        cams_from_rig_[cam] * rig_from_world *
+        Rigid3d(Eigen::Quaterniond::Identity(), -component.origin - sway);
     scene_.images.emplace(image.image_id, image);
   }
 }
@@ -268,6 +275,7 @@ bool SyntheticSceneOptions::IsValid(std::string* error) const {
          check("num_components", num_components, 1) &&
          check("num_images", num_images, num_components) &&
          check("component_step_m", component_step_m, 0) &&
+         check("sway_m", sway_m, 0) &&
          check("image_noise_px", image_noise_px, 0) &&
          check("num_false_pairs", num_false_pairs, 0) &&
          check("max_num_look_alikes", max_num_look_alikes, 0) &&

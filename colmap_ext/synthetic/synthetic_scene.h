@@ -41,6 +41,9 @@ struct SyntheticSceneOptions {
   bool known_focal_length = true;
   // Parts of the scene that share no points, each with its own images.
   int num_components = 1;
+  // Each coordinate of the centre of a camera, or rig, is off that of the
+  // family by up to this, as of a tripod that is not there [m].
+  double sway_m = 0;
   // How far these are apart along x [m]; 0 = above each other, out of sight.
   double component_step_m = 0;
   // Standard deviation of key points in x and y [px].

@@ -241,7 +241,9 @@ def test_ctrl_c_during_mapping(street, tmp_path):
     output, _ = process.communicate()
     if "interrupted" in output:
         assert time.monotonic() - begin < 4
-        assert [p.name for p in pathlib.Path(output_path).glob("*")] == []
+        # Components that were mapped stay for the next run.
+        names = {p.name for p in pathlib.Path(output_path).glob("*")}
+        assert names <= {".dgsfm_checkpoints"}
     assert dgsfm.global_depth_mapping(database, output_path)[0].num_images > 20
 
 

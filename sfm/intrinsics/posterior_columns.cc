@@ -109,7 +109,7 @@ void PosteriorColumns::AddIntrinsics(colmap::camera_t camera_id, Block* block) {
 }
 
 // Holds the first pose, and the distance of the farthest image from it by the
-// coordinate that a change of scale moves most.
+// coordinate that a change of scale moves most; all centres where they are one.
 void PosteriorColumns::FixGauge() {
   const auto pose_of = [&](size_t image) {
     return CamFromWorld(model_.Image(image_ids[image]));
@@ -122,6 +122,10 @@ void PosteriorColumns::FixGauge() {
     if (distance <= max_distance) continue;
     max_distance = distance;
     farthest = i;
+  }
+  if (max_distance == 0) {
+    // Images at one centre only turn.
+    for (ImageColumns& image : columns) std::fill_n(image.begin() + 3, 3, -1);
   }
   int coordinate = 0;
   (pose_of(farthest) * center).cwiseAbs().maxCoeff(&coordinate);

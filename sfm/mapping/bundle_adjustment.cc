@@ -124,6 +124,9 @@ class ModelBundle {
     BundleImage& bundle_image = bundle_.images.emplace_back();
     bundle_image.cam_from_world = CamFromWorld(image);
     bundle_image.camera = camera_index;
+    if (rigs_.at_one_center) {
+      std::fill_n(bundle_image.is_constant.begin() + 3, 3, true);
+    }
     const auto member = rigs_.frames.find(image_id);
     if (member != rigs_.frames.end()) JoinFrame(member->second, &bundle_image);
   }

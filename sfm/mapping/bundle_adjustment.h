@@ -40,6 +40,8 @@ struct RigConstraints {
   std::set<colmap::camera_t> refined_cameras;
   // Whether the rigs fix the scale.
   bool fix_scale = false;
+  // Whether the images, all of them at the origin, stay there and only turn.
+  bool at_one_center = false;
 };
 
 // Where cameras are by other means, in the frame of the model.

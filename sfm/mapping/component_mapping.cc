@@ -6,7 +6,9 @@
 #include "sfm/georeferencing/georeferencing.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
+#include "sfm/mapping/model_adjustment.h"
 #include "sfm/mapping/model_completion.h"
+#include "sfm/mapping/shared_center.h"
 #include "sfm/mapping/split_half.h"
 
 #include <algorithm>
@@ -107,11 +109,11 @@ void ReleaseInliers(const ImageIndex& index, PairGeometries* pairs) {
   ReturnFreeMemory();
 }
 
-// A model with first positions, to which `start` returns.
+// A model with first positions, to which `starts` returns.
 ModelInProgress StartModel(const MappingContext& context,
                            const ComponentRotations& rotations,
                            PairGeometries* pairs,
-                           ModelStart* start,
+                           ModelStarts* starts,
                            MappingLog* log) {
   const ImageIndex index(rotations.image_ids);
   const ImageScales scales =
@@ -129,7 +131,8 @@ ModelInProgress StartModel(const MappingContext& context,
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
       std::move(established));
   if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);
-  *start = [=, &context, &rotations] {
+  starts->depth_scales = scales;
+  starts->from_pairs = [=, &context, &rotations] {
     colmap::Reconstruction model = CreateModel(context, rotations);
     InitializePositions(index,
                         *pairs,
@@ -142,7 +145,19 @@ ModelInProgress StartModel(const MappingContext& context,
                         context.frames);
     return model;
   };
-  progress.model = (*start)();
+  progress.model = starts->from_pairs();
+  for (const colmap::Track& track : *tracks) {
+    starts->num_observations += track.Length();
+  }
+  if (context.scene.rigs.Empty() &&
+      HasLittleParallax(*tracks, CreateModel(context, rotations))) {
+    progress.has_little_parallax = true;
+    starts->from_one_center = [=, &context, &rotations] {
+      colmap::Reconstruction model = CreateModel(context, rotations);
+      PlaceAtOneCenter(*tracks, &model);
+      return model;
+    };
+  }
   ReturnFreeMemory();
   timer.Add("tracks", double(tracks->size()))
       .Add("images", double(progress.model.NumRegImages()))
@@ -171,6 +186,10 @@ void FinishModel(const MappingContext& context,
   UpdatePointErrors(model);
   model->TearDown();
   if (const auto advice = CameraModelAdvice(MeasureRadialErrors(*model))) {
+    log->Warn(*advice);
+  }
+  if (const auto advice = ParallaxAdvice(
+          context.options.refinement.min_triangulation_angle_deg, *model)) {
     log->Warn(*advice);
   }
   timer.Add("images", double(model->NumRegImages()))
@@ -266,15 +285,16 @@ ComponentResult MapComponent(const MappingContext& context,
                              PairGeometries* pairs,
                              MappingLog* log) {
   ComponentResult result;
-  ModelStart start;
-  ModelInProgress progress = StartModel(context, rotations, pairs, &start, log);
+  ModelStarts starts;
+  ModelInProgress progress =
+      StartModel(context, rotations, pairs, &starts, log);
+  const bool is_refined = RefineModel(context, starts, &progress, log);
+  starts = ModelStarts();
   for (const colmap::image_t image_id : rotations.image_ids) {
     if (!progress.model.IsImageRegistered(image_id)) {
       result.unregistered_images[image_id] = WhyNotPositioned(image_id, *pairs);
     }
   }
-  const bool is_refined = RefineModel(context, start, &progress, log);
-  start = nullptr;
   CompleteComponent(context,
                     is_refined,
                     measure_repeatability,

@@ -2,12 +2,15 @@
 
 #include "sfm/georeferencing/georeferencing.h"
 #include "sfm/mapping/model_access.h"
+#include "sfm/mapping/model_adjustment.h"
 #include "sfm/mapping/model_refinement.h"
+#include "sfm/mapping/one_center_start.h"
 #include "sfm/mapping/rig_model.h"
 
 #include <algorithm>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include <glog/logging.h>
 
@@ -15,51 +18,9 @@ namespace dgsfm {
 
 namespace {
 
-// Relative decrease by an iteration that ends adjustments before the model is
-// complete.
-constexpr double kPreliminaryFunctionTolerance = 1e-4;
 // Rounds of refinement in which images may leave the cameras they share. Few
 // leave in each: what the others contradict shows without them.
 constexpr int kMaxNumTieRounds = 3;
-
-// The registered image with the most points, the best anchor of the gauge; the
-// smallest id among equals.
-colmap::image_t AnchorImage(const colmap::Reconstruction& model) {
-  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
-  return *std::max_element(
-      image_ids.begin(),
-      image_ids.end(),
-      [&](colmap::image_t image_id1, colmap::image_t image_id2) {
-        return model.Image(image_id1).NumPoints3D() <
-               model.Image(image_id2).NumPoints3D();
-      });
-}
-
-// The constraints with refined poses as the model has them.
-RigConstraints CurrentRigs(const MappingContext& context,
-                           const RigConstraints& rigs,
-                           const colmap::Reconstruction& model) {
-  if (rigs.refined_cameras.empty()) return rigs;
-  RigConstraints current = rigs;
-  current.frames =
-      MembersOf(CalibrateRigs(rigs.refined_cameras, model, context.scene.rigs));
-  return current;
-}
-
-std::optional<double> Adjust(const MappingContext& context,
-                             const BundleAdjustmentOptions& adjustment,
-                             const CameraBeliefs& beliefs,
-                             const RigConstraints& rigs,
-                             const CenterPriors& center_priors,
-                             colmap::Reconstruction* model) {
-  return AdjustBundle(adjustment,
-                      context.verification.num_threads,
-                      AnchorImage(*model),
-                      beliefs,
-                      model,
-                      CurrentRigs(context, rigs, *model),
-                      center_priors);
-}
 
 bool PositionModel(const MappingContext& context,
                    ModelInProgress* progress,
@@ -135,48 +96,31 @@ bool Untie(const MappingContext& context,
          progress->beliefs.NumTiedCameras() != num_tied;
 }
 
-}  // namespace
-
-bool AdjustModel(const MappingContext& context,
-                 ModelInProgress* progress,
-                 MappingLog* log) {
-  colmap::Reconstruction& model = progress->model;
-  const DepthGlobalMapperOptions& options = context.options;
-  if (options.skip_bundle_adjustment) return true;
-  const int num_rounds = options.refinement.num_bundle_adjustment_rounds;
-  BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
-  if (options.HasFinalAdjustment()) {
-    adjustment.function_tolerance =
-        std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
-  }
-  for (int round = 0; round < num_rounds; ++round) {
-    StageTimer timer("bundle_adjustment");
-    const std::optional<double> rms = Adjust(context,
-                                             adjustment,
-                                             progress->beliefs,
-                                             progress->rigs,
-                                             progress->center_priors,
-                                             &model);
-    if (!rms) return false;
-    // Early rounds still show errors of the start, which must not cost points.
-    const size_t num_filtered =
-        FilterObservations(options.refinement, num_rounds - round, &model);
-    timer.Add("round", round + 1)
-        .Add("rms_px", *rms)
-        .Add("observations_filtered", double(num_filtered))
-        .Add("points", double(model.NumPoints3D()));
-    timer.Finish(&log->stages);
-  }
-  return model.NumPoints3D() > 0;
+// Refines the model from where it starts, and where there is little parallax
+// from one centre as well; the better one stays.
+bool RefineFromStarts(const MappingContext& context,
+                      const ModelStarts& starts,
+                      ModelInProgress* progress,
+                      MappingLog* log) {
+  std::optional<ModelInProgress> turned;
+  if (starts.from_one_center) turned = AtOneCenter(starts, *progress);
+  const bool is_refined = PositionModel(context, progress, log) &&
+                          AdjustModel(context, progress, log);
+  if (!turned || !progress->center_priors.centers.empty()) return is_refined;
+  return ReplaceIfBetterFromOneCenter(context,
+                                      starts.num_observations,
+                                      std::move(*turned),
+                                      is_refined,
+                                      progress,
+                                      log);
 }
 
-bool RefineModel(const MappingContext& context,
-                 const ModelStart& start,
-                 ModelInProgress* progress,
-                 MappingLog* log) {
+bool RefineTied(const MappingContext& context,
+                const ModelStarts& starts,
+                ModelInProgress* progress,
+                MappingLog* log) {
   const auto refine = [&] {
-    return PositionModel(context, progress, log) &&
-           AdjustModel(context, progress, log);
+    return RefineFromStarts(context, starts, progress, log);
   };
   if (!context.options.TiesCameras()) return refine();
   TieCameraClasses(context.options.refinement.bundle_adjustment.intrinsics,
@@ -192,10 +136,23 @@ bool RefineModel(const MappingContext& context,
       return true;
     }
     // Positions that wrong ties led to are no start.
-    progress->model = start();
+    progress->model = starts.from_pairs();
     UseCameras(progress->cameras, &progress->model);
   }
   return false;
+}
+
+}  // namespace
+
+bool RefineModel(const MappingContext& context,
+                 const ModelStarts& starts,
+                 ModelInProgress* progress,
+                 MappingLog* log) {
+  if (!RefineTied(context, starts, progress, log)) return false;
+  if (starts.from_one_center && progress->center_priors.centers.empty()) {
+    HoldOneCenter(context, starts.depth_scales, progress, log);
+  }
+  return progress->model.NumPoints3D() > 0;
 }
 
 bool CalibrateSensors(const MappingContext& context,
@@ -221,9 +178,18 @@ void CalibrateCameras(const MappingContext& context,
   }
   if (options.skip_self_calibration) return;
   StageTimer timer("self_calibration");
-  const CameraBeliefs beliefs = CalibrateModel(
-      SelfCalibration(context, *progress), progress->beliefs, &progress->model);
-  progress->beliefs = beliefs;
+  if (progress->has_little_parallax) {
+    for (const auto& [camera_id, camera] : progress->model.Cameras()) {
+      progress->beliefs.held_principal_points.insert(camera_id);
+    }
+  } else {
+    const CameraBeliefs beliefs =
+        CalibrateModel(SelfCalibration(context, *progress),
+                       progress->beliefs,
+                       &progress->model);
+    progress->beliefs = beliefs;
+  }
+  const CameraBeliefs& beliefs = progress->beliefs;
   timer.Add("groups", double(beliefs.groups.size()))
       .Add("cameras", double(beliefs.NumTiedCameras()))
       .Add("principal_points_held",

@@ -3,49 +3,19 @@
 
 #pragma once
 
-#include "estimators/position_alignment.h"
-#include "sfm/intrinsics/camera_splitting.h"
 #include "sfm/intrinsics/self_calibration.h"
-#include "sfm/mapping/track_selection.h"
+#include "sfm/mapping/model_in_progress.h"
 #include "sfm/mapping_context.h"
-
-#include <functional>
-#include <map>
-#include <optional>
 
 namespace dgsfm {
 
-// A model on its way through the stages, and what is believed of its cameras.
-struct ModelInProgress {
-  colmap::Reconstruction model;
-  ImageCameras cameras;
-  CameraBeliefs beliefs;
-  // Images that move together, once the poses in their rigs are known.
-  RigConstraints rigs;
-  // Positions of the images, once the model is in their frame, and how it came
-  // there.
-  CenterPriors center_priors;
-  std::optional<Similarity3d> positions_from_start;
-  // Key points that may get observations.
-  UsedKeypoints used_keypoints;
-  // Residual from which the loss of the final adjustments grows linearly [px].
-  double final_loss_scale_px = 0;
-};
-
-// Returns a model with first positions, the same each time.
-using ModelStart = std::function<colmap::Reconstruction()>;
-
-// Adjusts a positioned model in rounds, with a filter after each. Returns false
-// if a solver failed or no point is left.
-bool AdjustModel(const MappingContext& context,
-                 ModelInProgress* progress,
-                 MappingLog* log);
-
 // Positions and adjusts a started model, with shared intrinsics of all cameras
 // of a kind, and from its start once more without the images that contradict
-// theirs. Returns false if a solver failed or no point is left.
+// theirs. Of two starts, the model that explains more observations better
+// stays, and images that do not move as far as these show are held at one
+// centre. Returns false if a solver failed or no point is left.
 bool RefineModel(const MappingContext& context,
-                 const ModelStart& start,
+                 const ModelStarts& starts,
                  ModelInProgress* progress,
                  MappingLog* log);
 

@@ -63,27 +63,57 @@ std::map<colmap::image_t, UndistortedKeypoints> UndistortKeypoints(
   return keypoints_of_images;
 }
 
-Eigen::Matrix3d FundamentalMatrixOf(const colmap::Reconstruction& model,
-                                    const colmap::Image& image1,
-                                    const colmap::Image& image2) {
-  const Rigid3d cam2_from_cam1 =
-      CamFromWorld(image2) * CamFromWorld(image1).Inverse();
-  TwoViewModel two_view;
-  two_view.rotation = cam2_from_cam1.rotation.toRotationMatrix();
-  two_view.translation = cam2_from_cam1.translation;
-  two_view.focal1 = model.Camera(image1.CameraId()).MeanFocalLength();
-  two_view.focal2 = model.Camera(image2.CameraId()).MeanFocalLength();
-  return two_view.FundamentalMatrix();
-}
+// How far matches are off the poses of two images.
+class MatchErrors {
+ public:
+  MatchErrors(const colmap::Reconstruction& model,
+              const colmap::Image& image1,
+              const colmap::Image& image2) {
+    const Rigid3d cam2_from_cam1 =
+        CamFromWorld(image2) * CamFromWorld(image1).Inverse();
+    TwoViewModel two_view;
+    two_view.rotation = cam2_from_cam1.rotation.toRotationMatrix();
+    two_view.translation = cam2_from_cam1.translation;
+    two_view.focal1 = model.Camera(image1.CameraId()).MeanFocalLength();
+    two_view.focal2 = model.Camera(image2.CameraId()).MeanFocalLength();
+    F_ = two_view.FundamentalMatrix();
+    // Images at one centre have no epipolar lines.
+    only_turns_ = two_view.translation.isZero(0);
+    H_ = Eigen::Vector3d(two_view.focal2, two_view.focal2, 1).asDiagonal() *
+         two_view.rotation *
+         Eigen::Vector3d(1 / two_view.focal1, 1 / two_view.focal1, 1)
+             .asDiagonal();
+  }
 
-// Matches whose Sampson error under the poses of the model is small, each
-// feature at most once, as COLMAP's correspondence graph wants them.
-colmap::FeatureMatches MatchesOnEpipolarLines(
-    const Eigen::Matrix3d& F,
-    const UndistortedKeypoints& keypoints1,
-    const UndistortedKeypoints& keypoints2,
-    const colmap::FeatureMatches& matches,
-    double max_error_px) {
+  // Sampson error [px], of the epipolar line or of the turned key point.
+  double operator()(const UndistortedKeypoint& keypoint1,
+                    const UndistortedKeypoint& keypoint2) const {
+    if (!only_turns_) {
+      return std::abs(SampsonError(F_,
+                                   keypoint1.point,
+                                   keypoint2.point,
+                                   keypoint1.covariance,
+                                   keypoint2.covariance));
+    }
+    const Eigen::Vector3d turned = H_ * keypoint1.point.homogeneous();
+    if (!(turned.z() > 0)) return std::numeric_limits<double>::infinity();
+    // Either key point has half of the distance.
+    return M_SQRT1_2 * (turned.hnormalized() - keypoint2.point).norm();
+  }
+
+ private:
+  Eigen::Matrix3d F_;
+  Eigen::Matrix3d H_;
+  bool only_turns_ = false;
+};
+
+// Matches whose error under the poses of the model is small, each feature at
+// most once, as COLMAP's correspondence graph wants them.
+colmap::FeatureMatches MatchesOfPoses(const MatchErrors& error_px,
+                                      const UndistortedKeypoints& keypoints1,
+                                      const UndistortedKeypoints& keypoints2,
+                                      const colmap::FeatureMatches& matches,
+                                      double max_error_px) {
   colmap::FeatureMatches consistent;
   std::vector<bool> is_used1(keypoints1.size(), false);
   std::vector<bool> is_used2(keypoints2.size(), false);
@@ -91,11 +121,7 @@ colmap::FeatureMatches MatchesOnEpipolarLines(
     const UndistortedKeypoint& keypoint1 = keypoints1[match.point2D_idx1];
     const UndistortedKeypoint& keypoint2 = keypoints2[match.point2D_idx2];
     if (!is_used1[match.point2D_idx1] && !is_used2[match.point2D_idx2] &&
-        std::abs(SampsonError(F,
-                              keypoint1.point,
-                              keypoint2.point,
-                              keypoint1.covariance,
-                              keypoint2.covariance)) <= max_error_px) {
+        error_px(keypoint1, keypoint2) <= max_error_px) {
       is_used1[match.point2D_idx1] = true;
       is_used2[match.point2D_idx2] = true;
       consistent.push_back(match);
@@ -245,11 +271,11 @@ AgreeingMatches MatchesThatAgree(const Scene& scene,
     const colmap::FeatureMatches matches = MatchesOf(scene, pair_ids[i]);
     progress.Step();
     colmap::FeatureMatches consistent =
-        MatchesOnEpipolarLines(FundamentalMatrixOf(model, image1, image2),
-                               keypoints.at(image_id1),
-                               keypoints.at(image_id2),
-                               matches,
-                               refinement.max_epipolar_error_px);
+        MatchesOfPoses(MatchErrors(model, image1, image2),
+                       keypoints.at(image_id1),
+                       keypoints.at(image_id2),
+                       matches,
+                       refinement.max_epipolar_error_px);
     if (consistent.empty() ||
         double(consistent.size()) <
             std::max<double>(

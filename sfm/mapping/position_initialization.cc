@@ -10,6 +10,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
+#include <tuple>
+#include <utility>
 
 namespace dgsfm {
 
@@ -22,6 +25,8 @@ constexpr int kMinNumResectionTracks = 6;
 constexpr int kNumFrameRounds = 2;
 // Weight of a seed pair stops to grow beyond this parallax [deg].
 constexpr double kGoodParallaxDeg = 15.0;
+// Seed pairs that are tried, until one reaches all images.
+constexpr size_t kMaxNumSeeds = 20;
 
 struct Observation {
   int image = 0;
@@ -60,9 +65,11 @@ class PositionInitializer {
   }
 
   size_t Run() {
-    if (!PlaceScaledImages()) PlaceSeedPair();
-    for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
-    GrowByResection();
+    if (PlaceScaledImages()) {
+      Grow();
+    } else {
+      GrowFromBestSeed();
+    }
     for (int round = 0; !frames_.empty() && round < kNumFrameRounds; ++round) {
       PlaceFrames();
       for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
@@ -170,7 +177,18 @@ class PositionInitializer {
     return angles.empty() ? 0 : Median(angles);
   }
 
-  void PlaceSeedPair() {
+  // Two images that a model may start from.
+  struct Seed {
+    int image1 = 0;
+    int image2 = 0;
+    const PairGeometry* pair = nullptr;
+  };
+  using Images = std::set<int>;
+
+  // The pair of many inliers and much parallax, among those that are not within
+  // what was reached before.
+  std::optional<Seed> BestSeed(const std::vector<Images>& reached) const {
+    std::optional<Seed> best;
     double best_score = -1;
     for (const auto& [pair_id, pair] : pairs_) {
       const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
@@ -178,7 +196,11 @@ class PositionInitializer {
       const int image2 = index_.Of(image_id2);
       if (pair.status != PairStatus::VALID || image1 < 0 || image2 < 0 ||
           pair.cam2_from_cam1.translation.norm() == 0 ||
-          double(pair.NumInliers()) * kGoodParallaxDeg <= best_score) {
+          double(pair.NumInliers()) * kGoodParallaxDeg <= best_score ||
+          std::any_of(
+              reached.begin(), reached.end(), [&](const Images& images) {
+                return images.count(image1) > 0 && images.count(image2) > 0;
+              })) {
         continue;
       }
       const double score =
@@ -186,14 +208,48 @@ class PositionInitializer {
           std::min(MedianParallaxDeg(image1, image2), kGoodParallaxDeg);
       if (score <= best_score) continue;
       best_score = score;
-      std::fill(centers_.begin(), centers_.end(), std::nullopt);
-      centers_[image1] = Eigen::Vector3d::Zero();
-      centers_[image2] =
-          ChainCenter(*centers_[image1],
-                      image2,
-                      pair.cam2_from_cam1,
-                      1 / pair.cam2_from_cam1.translation.norm());
+      best = {image1, image2, &pair};
     }
+    return best;
+  }
+
+  void Grow() {
+    for (size_t i = 0; i < tracks_.size(); ++i) PlaceTrack(i);
+    GrowByResection();
+  }
+
+  void GrowFrom(const Seed& seed) {
+    centers_.assign(centers_.size(), std::nullopt);
+    points_.assign(points_.size(), std::nullopt);
+    num_placed_tracks_.assign(num_placed_tracks_.size(), 0);
+    centers_[seed.image1] = Eigen::Vector3d::Zero();
+    centers_[seed.image2] =
+        ChainCenter(Eigen::Vector3d::Zero(),
+                    seed.image2,
+                    seed.pair->cam2_from_cam1,
+                    1 / seed.pair->cam2_from_cam1.translation.norm());
+    Grow();
+  }
+
+  // From the best seed, or from one that reaches more images; pairs within
+  // what an earlier seed reached would reach the same.
+  void GrowFromBestSeed() {
+    std::vector<Images> reached;
+    size_t num_best = 0;
+    auto best = std::make_tuple(centers_, points_, num_placed_tracks_);
+    while (reached.size() < kMaxNumSeeds && num_best < size_t(index_.Size())) {
+      const std::optional<Seed> seed = BestSeed(reached);
+      if (!seed) break;
+      GrowFrom(*seed);
+      Images& images = reached.emplace_back();
+      for (int image = 0; image < index_.Size(); ++image) {
+        if (centers_[image]) images.insert(image);
+      }
+      if (images.size() <= num_best) continue;
+      num_best = images.size();
+      best = {centers_, points_, num_placed_tracks_};
+    }
+    std::tie(centers_, points_, num_placed_tracks_) = std::move(best);
   }
 
   // Places a track from depth if a placed image has it, else by triangulation.

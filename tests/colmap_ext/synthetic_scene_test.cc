@@ -224,6 +224,22 @@ TEST(SceneFamily, LowParallaxHasBaselinesFarBelowDepths) {
   }
 }
 
+TEST(SceneFamily, PanoramasTurnAtOnePlaceButForTheirSway) {
+  for (const double sway_m : {0.0, 0.05}) {
+    SyntheticSceneOptions options = OptionsOf(SceneFamily::PANORAMA);
+    options.sway_m = sway_m;
+    const SyntheticScene scene = SynthesizeScene(options);
+    double max_distance = 0;
+    for (const auto& [image_id, image] : scene.images) {
+      max_distance = std::max(
+          max_distance,
+          image.cam_from_world.TargetOriginInSource().cwiseAbs().maxCoeff());
+    }
+    EXPECT_LE(max_distance, sway_m + 1e-12);
+    EXPECT_GE(max_distance, 0.8 * sway_m);
+  }
+}
+
 TEST(SceneFamily, ForwardMotionIsAlongTheOpticalAxis) {
   const SyntheticScene scene = SynthesizeScene(OptionsOf(SceneFamily::FORWARD));
   for (colmap::image_t image_id = 1; image_id < 30; ++image_id) {

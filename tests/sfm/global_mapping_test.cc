@@ -3,6 +3,7 @@
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "estimators/pose_metrics.h"
+#include "sfm/mapping/shared_center.h"
 #include "tests/testing/test_dir.h"
 
 #include <algorithm>
@@ -351,6 +352,99 @@ TEST(GlobalMapping, ImagesWithoutParallaxKeepFarPoints) {
   const Outcome without = MapSynthetic(synthetic, options);
   // Baselines of 10 cm in a room: few points have 1.5 degrees of parallax.
   EXPECT_LT(MeanError(outcome.metrics), 0.7 * MeanError(without.metrics));
+}
+
+// Largest error of a relative rotation of the model's images [deg].
+double MaxRotationErrorDeg(const SyntheticScene& synthetic,
+                           const colmap::Reconstruction& model) {
+  std::vector<Eigen::Quaterniond> world_from_world;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    world_from_world.push_back(
+        CamFromWorld(model.Image(image_id)).rotation.conjugate() *
+        synthetic.images.at(image_id).cam_from_world.rotation);
+  }
+  double max_error_rad = 0;
+  for (const Eigen::Quaterniond& a : world_from_world) {
+    for (const Eigen::Quaterniond& b : world_from_world) {
+      max_error_rad = std::max(max_error_rad, a.angularDistance(b));
+    }
+  }
+  return max_error_rad * 180 / M_PI;
+}
+
+SyntheticSceneOptions Panorama() {
+  SyntheticSceneOptions options;
+  options.family = SceneFamily::PANORAMA;
+  options.num_images = 24;
+  options.num_points_per_image = 200;
+  options.image_noise_px = 0.5;
+  options.known_focal_length = false;
+  options.depth_noise.log_scale_stddev = 0.2;
+  return options;
+}
+
+TEST(GlobalMapping, ImagesThatOnlyTurnShareACenter) {
+  const SyntheticScene synthetic = SynthesizeScene(Panorama());
+  for (const bool use_depth : {true, false}) {
+    const Outcome outcome = MapSynthetic(synthetic, {}, use_depth);
+    ASSERT_EQ(outcome.result.models.size(), 1);
+    const colmap::Reconstruction& model = *outcome.result.models[0];
+    EXPECT_EQ(model.NumRegImages(), 24);
+    EXPECT_TRUE(IsAtOneCenter(model));
+    EXPECT_LT(MaxRotationErrorDeg(synthetic, model), 0.1);
+    for (const auto& [camera_id, camera] : model.Cameras()) {
+      EXPECT_NEAR(camera.MeanFocalLength() / 700, 1, 0.005);
+    }
+    ASSERT_EQ(outcome.result.warnings.size(), 1);
+    EXPECT_NE(outcome.result.warnings[0].find("share one centre"),
+              std::string::npos);
+    // All matches of the images are right.
+    for (const auto& [pair_id, pair] : outcome.pairs) {
+      EXPECT_EQ(pair.status, PairStatus::VALID);
+    }
+    if (!use_depth) continue;
+    // Points at depth: the surfaces are 8 to 14 m away, 4 m up and down.
+    EXPECT_EQ(outcome.result.units[0].unit, ModelUnit::METRES);
+    const Eigen::Vector3d center =
+        CamFromWorld(model.Image(1)).TargetOriginInSource();
+    for (const auto& [point_id, point] : model.Points3D()) {
+      const double distance = (point.XYZ() - center).norm();
+      EXPECT_GT(distance, 8 / 1.1);
+      EXPECT_LT(distance, 15 * 1.1);
+    }
+  }
+}
+
+TEST(GlobalMapping, ImagesThatSwayAreToldFromThoseThatOnlyTurn) {
+  SyntheticSceneOptions options = Panorama();
+  options.sway_m = 0.05;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  const colmap::Reconstruction& model = *outcome.result.models[0];
+  EXPECT_EQ(model.NumRegImages(), 24);
+  EXPECT_FALSE(IsAtOneCenter(model));
+  EXPECT_LT(MaxRotationErrorDeg(synthetic, model), 0.2);
+  ASSERT_EQ(outcome.result.warnings.size(), 1);
+  EXPECT_NE(outcome.result.warnings[0].find("turn more than they move"),
+            std::string::npos);
+}
+
+TEST(GlobalMapping, LittleParallaxNeedsNoDepth) {
+  SyntheticSceneOptions options;
+  options.family = SceneFamily::LOW_PARALLAX;
+  options.num_images = 16;
+  options.num_points_per_image = 300;
+  options.image_noise_px = 0.5;
+  options.known_focal_length = false;
+  options.camera.num_cameras = 0;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Outcome outcome = MapSynthetic(synthetic, {}, /*use_depth=*/false);
+  ASSERT_EQ(outcome.result.models.size(), 1);
+  EXPECT_EQ(outcome.metrics.num_registered, 16);
+  // Half a pixel of 700 is 0.04 degrees, steps of 10 cm in a room are 0.6.
+  EXPECT_LT(MaxRotationErrorDeg(synthetic, *outcome.result.models[0]), 0.5);
+  EXPECT_LT(MeanError(outcome.metrics), 3);
 }
 
 TEST(GlobalMapping, PairsThatAgreeWithTheModelReturn) {

@@ -99,6 +99,26 @@ TEST(InitializePositions, GrowsFromASeedWithoutDepth) {
   EXPECT_LT(metrics.max_center_error, 1e-3);
 }
 
+TEST(InitializePositions, TriesOtherSeedsWhereTheBestOneDoesNotGrow) {
+  PositionInitializationOptions options;
+  options.use_depth = false;
+  Start start = ExactStart();
+  // The strongest pair sees what no third image sees.
+  const auto is_alone = [](const colmap::TrackElement& element) {
+    return element.image_id <= 2;
+  };
+  for (colmap::Track& track : start.tracks) {
+    std::vector<colmap::TrackElement> alone, others;
+    for (const colmap::TrackElement& element : track.Elements()) {
+      (is_alone(element) ? alone : others).push_back(element);
+    }
+    track.SetElements(alone.size() == 2 ? alone : others);
+  }
+  start.pairs.at(PairIdOfImages(1, 2)).num_released_inliers = 100000;
+  EXPECT_EQ(Initialize(&start, options), 14);
+  EXPECT_FALSE(start.model.IsImageRegistered(1));
+}
+
 TEST(InitializePositions, TriangulationFollowsItsSmallestAngle) {
   PositionInitializationOptions options;
   options.use_depth = false;

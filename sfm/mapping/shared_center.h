@@ -1,0 +1,65 @@
+// Models of images that turn more than they move, from one centre that all of
+// them share at first, and in the end where nothing shows that they moved.
+
+#pragma once
+
+#include "sfm/mapping/model_refinement.h"
+#include "sfm/view_graph/component_averaging.h"
+
+#include <colmap/base/reconstruction.h>
+#include <colmap/base/track.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace dgsfm {
+
+// Whether the viewing rays of tracks, turned by the rotations of the model,
+// hardly differ: centres then start better from one place than from pairs,
+// whose translations are noise.
+bool HasLittleParallax(const std::vector<colmap::Track>& tracks,
+                       const colmap::Reconstruction& model);
+
+// Registers all images at the origin, and adds a point for each track at unit
+// distance in the mean direction of its rays.
+void PlaceAtOneCenter(const std::vector<colmap::Track>& tracks,
+                      colmap::Reconstruction* model);
+
+// Moves the registered images to the origin, and the points to unit distance
+// in the mean direction of their rays.
+void MoveToOneCenter(colmap::Reconstruction* model);
+
+// Moves the points of a model with all images at the origin along their rays
+// to where scaled depth maps have them: the median of those that see them, and
+// points that none sees to the median distance of the others. Returns the
+// number of points with depth; without any, points stay.
+size_t PlaceAtDepth(const KeypointDepthMap& depths,
+                    const ImageScales& scales,
+                    colmap::Reconstruction* model);
+
+// Whether all registered images, at least two, have the same centre, up to
+// rounding.
+bool IsAtOneCenter(const colmap::Reconstruction& model);
+
+// The cost of the observations of a model, each by a soft L1 loss [px^2].
+double CostOfObservations(double loss_scale_px,
+                          const colmap::Reconstruction& model);
+
+// That of an observation with this error.
+double SoftL1Cost(double loss_scale_px, double error_px);
+
+// Whether the cost of a model whose images share a centre is as near to that
+// of the same observations with free centres as it is expected to be where the
+// images do not move.
+bool IsExplainedByRotations(double cost_of_one_center,
+                            double cost_of_free_centers,
+                            const colmap::Reconstruction& model);
+
+// What a user of the model should know of its parallax: that its images share
+// a centre, or that most points are seen under smaller angles than this; else
+// nothing.
+std::optional<std::string> ParallaxAdvice(double min_angle_deg,
+                                          const colmap::Reconstruction& model);
+
+}  // namespace dgsfm
