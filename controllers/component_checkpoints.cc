@@ -14,6 +14,20 @@
 #include <glog/logging.h>
 #include <nlohmann/json.hpp>
 
+namespace nlohmann {
+
+template <>
+struct adl_serializer<Eigen::Vector3d> {
+  static void to_json(json& json, const Eigen::Vector3d& vector) {
+    json = {vector.x(), vector.y(), vector.z()};
+  }
+  static void from_json(const json& json, Eigen::Vector3d& vector) {
+    for (int i = 0; i < 3; ++i) vector[i] = json.at(i).get<double>();
+  }
+};
+
+}  // namespace nlohmann
+
 namespace dgsfm {
 
 namespace {
@@ -53,6 +67,21 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MappingLog, stages, warnings)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(
     CameraResult, params, prior_stddevs, stddevs, group)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModelGeoreference,
+                                   is_georeferenced,
+                                   scale_source,
+                                   num_positions,
+                                   num_inliers,
+                                   scale_of_depth,
+                                   scale_of_rigs,
+                                   log_scale_stddev_of_depth,
+                                   log_scale_stddev_of_positions,
+                                   rotation_stddev_deg,
+                                   spread,
+                                   median_horizontal_error_m,
+                                   median_vertical_error_m,
+                                   part_sizes,
+                                   errors)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PoseMetrics,
                                    num_images,
                                    num_registered,
@@ -70,55 +99,6 @@ using Numbers = std::vector<double>;
 template <typename Vector>
 Numbers NumbersOf(const Vector& vector) {
   return Numbers(vector.data(), vector.data() + vector.size());
-}
-
-Json ToJson(const ModelGeoreference& georeference) {
-  std::map<colmap::image_t, Numbers> errors;
-  for (const auto& [image_id, error] : georeference.errors) {
-    errors.emplace(image_id, NumbersOf(error));
-  }
-  return {{"is_georeferenced", georeference.is_georeferenced},
-          {"scale_source", georeference.scale_source},
-          {"num_positions", georeference.num_positions},
-          {"num_inliers", georeference.num_inliers},
-          {"scales",
-           {georeference.scale_of_depth,
-            georeference.scale_of_rigs,
-            georeference.log_scale_stddev_of_depth,
-            georeference.log_scale_stddev_of_positions}},
-          {"rotation_stddev_deg", georeference.rotation_stddev_deg},
-          {"spread", georeference.spread},
-          {"median_errors",
-           {georeference.median_horizontal_error_m,
-            georeference.median_vertical_error_m}},
-          {"part_sizes", georeference.part_sizes},
-          {"errors", errors}};
-}
-
-ModelGeoreference GeoreferenceFrom(const Json& json) {
-  ModelGeoreference georeference;
-  json.at("is_georeferenced").get_to(georeference.is_georeferenced);
-  json.at("scale_source").get_to(georeference.scale_source);
-  json.at("num_positions").get_to(georeference.num_positions);
-  json.at("num_inliers").get_to(georeference.num_inliers);
-  const Json& scales = json.at("scales");
-  scales.at(0).get_to(georeference.scale_of_depth);
-  scales.at(1).get_to(georeference.scale_of_rigs);
-  scales.at(2).get_to(georeference.log_scale_stddev_of_depth);
-  scales.at(3).get_to(georeference.log_scale_stddev_of_positions);
-  json.at("rotation_stddev_deg").get_to(georeference.rotation_stddev_deg);
-  json.at("spread").get_to(georeference.spread);
-  const Json& medians = json.at("median_errors");
-  medians.at(0).get_to(georeference.median_horizontal_error_m);
-  medians.at(1).get_to(georeference.median_vertical_error_m);
-  json.at("part_sizes").get_to(georeference.part_sizes);
-  const auto errors =
-      json.at("errors").get<std::map<colmap::image_t, Numbers>>();
-  for (const auto& [image_id, error] : errors) {
-    georeference.errors.emplace(
-        image_id, Eigen::Vector3d(error.at(0), error.at(1), error.at(2)));
-  }
-  return georeference;
 }
 
 // What COLMAP's files of a model lack: the model itself is not to differ in a
@@ -167,7 +147,7 @@ void WriteComponent(const MappedComponent& component, const fs::path& folder) {
                {"cameras", result.cameras},
                {"unregistered_images", result.unregistered_images},
                {"depth_scales", result.depth_scales},
-               {"georeference", ToJson(result.georeference)}};
+               {"georeference", result.georeference}};
   if (result.repeatability) json["repeatability"] = *result.repeatability;
   if (result.model) {
     WriteModel(*result.model, folder.string());
@@ -192,7 +172,7 @@ MappedComponent ReadComponent(const fs::path& folder) {
   json.at("cameras").get_to(result.cameras);
   json.at("unregistered_images").get_to(result.unregistered_images);
   json.at("depth_scales").get_to(result.depth_scales);
-  result.georeference = GeoreferenceFrom(json.at("georeference"));
+  json.at("georeference").get_to(result.georeference);
   if (json.contains("repeatability")) {
     result.repeatability = json.at("repeatability").get<PoseMetrics>();
   }

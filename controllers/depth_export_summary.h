@@ -1,4 +1,4 @@
-// What depth_exporter says of its output.
+// The file of alignments that depth_exporter writes beside the maps.
 
 #pragma once
 

@@ -222,7 +222,7 @@ class Exporter {
         options_.num_points);
   }
 
-  // Of jobs with an alignment.
+  // Each job has an alignment.
   void RefineAndWrite(std::vector<Job>* jobs) const {
     std::vector<ViewToRefine> views;
     for (const Job& job : *jobs) views.push_back({job.name, *job.alignment});

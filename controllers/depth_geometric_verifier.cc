@@ -2,7 +2,6 @@
 
 #include "colmap_ext/cancellation.h"
 #include "colmap_ext/database/depth_database.h"
-#include "colmap_ext/database/keypoint_selection.h"
 #include "controllers/commands/commands.h"
 #include "controllers/pair_shard_verifier.h"
 #include "controllers/relative_depth_stage.h"
@@ -197,15 +196,12 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
   StageTimer timer("load_depth");
   KeypointDepthMap depths;
   if (options.use_depth) {
-    const DepthDatabase database(options.database_path,
-                                 DepthDatabase::Mode::READ_ONLY);
-    for (const auto& [image_id, image] : scene.images) {
-      auto of_image = database.ReadKeypointDepths(image_id);
-      if (!of_image) continue;
-      of_image->depths = RestrictToKept(
-          scene.kept_keypoints, image_id, std::move(of_image->depths));
-      depths.emplace(image_id, std::move(*of_image));
-    }
+    depths =
+        DepthDatabase(options.database_path, DepthDatabase::Mode::READ_ONLY)
+            .ReadAllKeypointDepths(scene.kept_keypoints,
+                                   [&](colmap::image_t image_id) {
+                                     return scene.images.count(image_id) > 0;
+                                   });
     if (depths.empty()) {
       LOG(WARNING) << options.database_path
                    << " has no depth priors (import them with depth_importer): "

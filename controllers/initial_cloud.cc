@@ -112,7 +112,7 @@ size_t InitialCloud::Write(const std::string& output_path,
     cloud.AddImage(std::move(copy));
     cloud.RegisterImage(image.image_id);
   }
-  // Of too many, an even choice in the order of the cells.
+  // If there are too many cells, an even choice is taken in their order.
   const size_t num_points = std::min(max_num_points_, cells.size());
   size_t i = 0;
   for (const auto& [cell, merged] : cells) {

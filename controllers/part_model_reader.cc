@@ -38,7 +38,7 @@ PartModel::PartImage ReadImage(const ModelImage& model_image,
       part_image.points.emplace(found->second, observation.point3D_id);
     }
   }
-  // Of dense matches each part uses a selection of key points of its own.
+  // Each part selects its own key points of dense matches.
   if (2 * num_missing > model_image.observations.size()) {
     throw std::runtime_error("model " + folder + ": image " + image.Name() +
                              " has other key points than the database; map the "

@@ -21,9 +21,6 @@ using Points = std::vector<DepthCorrespondence>;
 
 constexpr int kNumFolds = 5;
 constexpr int kNumIterations = 8;
-// Cauchy's function has 95 % of the efficiency of squares on Gaussian errors if
-// its width is this many standard deviations.
-constexpr double kCauchyWidth = 2.385;
 // Below, differences of depths have no meaning.
 constexpr double kMinSigma = 1e-6;
 // Weights of the field's smoothness against one point per node, from nearly
@@ -49,7 +46,7 @@ Eigen::VectorXd SolveReweighted(const SparseRows& rows,
     const double stddev =
         kStddevPerMad *
         MedianAbsolute({residuals.data(), residuals.data() + residuals.size()});
-    const double width = kCauchyWidth * std::max(kMinSigma, stddev);
+    const double width = kEfficientCauchyWidth * std::max(kMinSigma, stddev);
     const Eigen::VectorXd weights =
         (1 + (residuals / width).array().square()).inverse();
     const SparseRows weighted = weights.asDiagonal() * rows;

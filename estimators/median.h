@@ -11,6 +11,10 @@ constexpr double kStddevPerMad = 1.4826;
 // a thousand of a normal distribution.
 constexpr double kMaxDeviation = 3;
 
+// Width of Cauchy's function [standard deviations] with which it has 95 % of
+// the efficiency of squares on normally distributed errors.
+constexpr double kEfficientCauchyWidth = 2.385;
+
 // Median of the values; the mean of the middle two for an even number. Throws
 // std::invalid_argument if there are none.
 double Median(std::vector<double> values);

@@ -13,8 +13,6 @@ namespace dgsfm {
 namespace {
 
 constexpr int kNumReweightings = 3;
-// As in depth_alignment.cc.
-constexpr double kCauchyWidth = 2.385;
 // Pixels along the longer side of a map that FindAgreements() compares.
 constexpr int kNumAgreementsPerSide = 48;
 
@@ -35,7 +33,7 @@ struct LogMean {
       double weight_sum = 0;
       for (const Term& term : terms) {
         const double deviation =
-            (term.log_ratio - mean) / (kCauchyWidth * term.stddev);
+            (term.log_ratio - mean) / (kEfficientCauchyWidth * term.stddev);
         const double weight = iteration == 0
                                   ? term.weight
                                   : term.weight / (1 + deviation * deviation);
@@ -52,7 +50,7 @@ struct LogMean {
 struct Votes {
   int num_agreeing = 0;
   int num_contradicting = 0;
-  // Of the depth that agreeing views have together, over the pixel's.
+  // Log depth that agreeing views have together, less the pixel's.
   double log_ratio = 0;
 
   float Confidence() const {
@@ -62,10 +60,22 @@ struct Votes {
 
 class Comparisons {
  public:
-  explicit Comparisons(const DepthView& view) : view_(view) {}
-
-  void Add(ViewComparison comparison) {
-    comparisons_.push_back(std::move(comparison));
+  // Depths agree up to max_deviation [standard deviations of both views], and
+  // up to max_difference of the options at most.
+  Comparisons(const DepthView& view,
+              const std::vector<const DepthView*>& neighbors,
+              const MultiViewDepthOptions& options,
+              double max_deviation)
+      : view_(view) {
+    std::string error;
+    DGSFM_CHECK(options.IsValid(&error)) << error;
+    for (const DepthView* neighbor : neighbors) {
+      const double stddev = std::hypot(view.Stddev(), neighbor->Stddev());
+      comparisons_.emplace_back(
+          view,
+          *neighbor,
+          std::min(options.max_difference, max_deviation * stddev));
+    }
   }
   size_t Size() const { return comparisons_.size(); }
   ViewComparison* At(size_t i) { return &comparisons_[i]; }
@@ -145,15 +155,7 @@ RefinedDepth RefineDepth(const DepthView& view,
                          const std::vector<const DepthView*>& neighbors,
                          const MultiViewDepthOptions& options,
                          int num_threads) {
-  std::string error;
-  DGSFM_CHECK(options.IsValid(&error)) << error;
-  Comparisons comparisons(view);
-  for (const DepthView* neighbor : neighbors) {
-    const double stddev = std::hypot(view.Stddev(), neighbor->Stddev());
-    comparisons.Add({view,
-                     *neighbor,
-                     std::min(options.max_difference, kMaxDeviation * stddev)});
-  }
+  Comparisons comparisons(view, neighbors, options, kMaxDeviation);
   ParallelFor(comparisons.Size(), num_threads, [&](size_t i) {
     comparisons.At(i)->FindSurfacesInFront();
   });
@@ -182,18 +184,9 @@ std::vector<DepthCorrespondence> FindAgreements(
     const DepthView& view,
     const std::vector<const DepthView*>& neighbors,
     const MultiViewDepthOptions& options) {
-  std::string error;
-  DGSFM_CHECK(options.IsValid(&error)) << error;
-  Comparisons comparisons(view);
   // Before their fields are corrected maps may be off by more than their points
   // show.
-  for (const DepthView* neighbor : neighbors) {
-    const double stddev = std::hypot(view.Stddev(), neighbor->Stddev());
-    comparisons.Add(
-        {view,
-         *neighbor,
-         std::min(options.max_difference, 2 * kMaxDeviation * stddev)});
-  }
+  const Comparisons comparisons(view, neighbors, options, 2 * kMaxDeviation);
   const DepthMap& map = view.Map();
   const int step =
       std::max(1, std::max(map.width, map.height) / kNumAgreementsPerSide);

@@ -52,7 +52,7 @@ ViewVerdict ViewComparison::Judge(int x,
           ? neighbor_.InverseDepthAt(neighbor_.Project(in_neighbor))
           : 0;
   if (inverse_depth > 0) {
-    // Of the neighbour's surface on its ray, over the point.
+    // Depth of the neighbour's surface over that of the point, on its ray.
     const double ratio = 1 / (inverse_depth * in_neighbor.z());
     const double difference = std::log(ratio);
     if (std::abs(difference) <= max_difference_) {

@@ -1,24 +1,14 @@
 #include "estimators/view_neighbors.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/optimization/ray_intersection.h"
 #include "estimators/option_check.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <utility>
 
-#include <Eigen/Geometry>
-
 namespace dgsfm {
-namespace {
-
-double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / M_PI;
-}
-
-}  // namespace
-
 bool ViewNeighborOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .AtLeast("max_num_neighbors", max_num_neighbors, 1)
@@ -54,7 +44,7 @@ std::vector<std::vector<size_t>> FindNeighbors(
   for (size_t i = 0; i < centers.size(); ++i) {
     std::vector<std::pair<size_t, size_t>> counted(num_shared[i].begin(),
                                                    num_shared[i].end());
-    // Of equal ones, the first.
+    // The first of equal ones comes first.
     std::stable_sort(counted.begin(), counted.end(), [](auto& a, auto& b) {
       return a.second > b.second;
     });

@@ -101,21 +101,20 @@ MappedComponent MapImages(const MappingContext& context,
   return mapped;
 }
 
-// As MapImages(), from the store where it has the component.
+// As MapImages(), but from the store, if there is one, where it has the
+// component.
 MappedComponent MapOrFind(const MappingContext& context,
                           const ImageIds& image_ids,
                           bool measure_repeatability,
                           ComponentStore* store,
                           PairGeometries* pairs,
                           MappingLog* log) {
-  if (store == nullptr) {
-    return MapImages(context, image_ids, measure_repeatability, pairs, log);
-  }
-  std::optional<MappedComponent> found = store->Find(image_ids);
+  std::optional<MappedComponent> found;
+  if (store) found = store->Find(image_ids);
   if (!found) {
     MappedComponent mapped =
         MapImages(context, image_ids, measure_repeatability, pairs, log);
-    store->Keep(image_ids, mapped);
+    if (store) store->Keep(image_ids, mapped);
     return mapped;
   }
   LOG(INFO) << "The " << image_ids.size() << " images from "

@@ -28,7 +28,7 @@ constexpr double kBytesPerMatch = 10;
 constexpr double kBytesPerTrackedKeypoint = 80;
 // While the model is adjusted and completed.
 constexpr double kBytesPerKeypointOfModel = 28;
-// Of a matched one, whether or not it becomes an observation.
+// Bytes of a matched key point, whether or not it becomes an observation.
 constexpr double kBytesPerMatchedKeypoint = 75;
 constexpr double kBytesPerObservation = 130;
 constexpr double kBytesPerFactorBlock = 2 * 36 * sizeof(double);

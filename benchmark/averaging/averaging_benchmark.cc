@@ -98,7 +98,8 @@ std::vector<double> ScaleErrors(const AveragingGraph& graph) {
   return errors;
 }
 
-// Of the edges within 10 degrees of the rotations, as the pipeline does.
+// Errors over the edges within 10 degrees of the rotations, which the pipeline
+// keeps.
 std::vector<double> TranslationErrors(
     const AveragingGraph& graph,
     const std::vector<Eigen::Quaterniond>& rotations) {

@@ -244,12 +244,14 @@ DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
 }
 
 std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths(
-    const KeptKeypoints& kept) const {
+    const KeptKeypoints& kept,
+    const std::function<bool(colmap::image_t)>& selects) const {
   std::map<colmap::image_t, KeypointDepths> all_depths;
   if (!HasDepthTables(connection_)) return all_depths;
   SqliteStatement select(connection_, kSelectSamples);
   while (select.Step()) {
     const auto image_id = static_cast<colmap::image_t>(select.Int(0));
+    if (selects && !selects(image_id)) continue;
     KeypointDepths depths = ReadSamples(connection_, select);
     depths.depths = RestrictToKept(kept, image_id, std::move(depths.depths));
     all_depths.emplace(image_id, std::move(depths));

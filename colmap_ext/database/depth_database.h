@@ -56,9 +56,10 @@ class DepthDatabase {
   // Samples of all images that have them. Throws if an image has other key
   // points in the database than at the import (features were extracted again),
   // naming the image and the remedy. Restricted to the key points that are
-  // kept.
+  // kept, and to the images that `selects` takes, if it is given.
   std::map<colmap::image_t, KeypointDepths> ReadAllKeypointDepths(
-      const KeptKeypoints& kept = {}) const;
+      const KeptKeypoints& kept = {},
+      const std::function<bool(colmap::image_t)>& selects = nullptr) const;
   // All samples of one image; nothing if it has none.
   std::optional<KeypointDepths> ReadKeypointDepths(
       colmap::image_t image_id) const;

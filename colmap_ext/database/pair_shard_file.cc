@@ -26,7 +26,7 @@ CREATE TABLE dgsfm_pair_shard (
   content_hash   INTEGER NOT NULL);
 )";
 
-// Of all that is stored of a pair.
+// Adds all that is stored of a pair.
 void AddPair(colmap::image_pair_t pair_id,
              const PairGeometry& pair,
              FnvHash* hash) {

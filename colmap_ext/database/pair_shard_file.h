@@ -20,14 +20,15 @@ constexpr int kMaxNumPairShards = 1000000;
 struct PairShardHeader {
   int shard_index = 0;
   int num_shards = 1;
-  // Of the method of verification.
+  // PairMethodVersion() of the program that verified.
   uint32_t method_version = 0;
   // All options that change results.
   std::string options_text;
 };
 
-// Throws std::runtime_error naming the file if there is one that is no shard
-// and not empty, or no folder for it: to be called before the work is done.
+// Checks where a shard is to be written, before the work is done. Throws
+// std::runtime_error, with the path, if another file than a shard or an empty
+// one is there, or if the folder does not exist.
 void CheckPairShardPath(const std::string& path);
 
 // Writes a file beside its place and renames it when it is complete, so that

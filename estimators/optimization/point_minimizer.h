@@ -20,7 +20,7 @@
 namespace dgsfm {
 
 struct PointMinimizerOptions {
-  // Of the progress that is shown; empty = none.
+  // Label of the progress that is shown; empty = none is shown.
   std::string label;
   int max_num_iterations = 100;
   // Relative decrease of the cost by one step at which it has converged [1].

@@ -11,5 +11,5 @@ except ImportError as error:
 
 # Nothing is written to the source folder.
 code = pytest.main(["-q", "-p", "no:cacheprovider", *sys.argv[1:]])
-# A file that skips itself as a whole has no tests, and pytest says why.
+# A file that skips itself as a whole has no tests; pytest prints the reason.
 sys.exit(77 if code == pytest.ExitCode.NO_TESTS_COLLECTED else code)

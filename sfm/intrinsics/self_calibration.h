@@ -23,7 +23,7 @@ struct SelfCalibrationOptions {
   BundleAdjustmentOptions bundle_adjustment;
   // Adjusts a model with these options.
   ModelAdjuster adjust;
-  // Of the estimates of posteriors; -1 = all cores.
+  // Threads of the estimates of posteriors; -1 = all cores.
   int num_threads = 1;
 };
 

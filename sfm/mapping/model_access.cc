@@ -22,6 +22,15 @@ double ReprojectionError(const colmap::Reconstruction& model,
       .norm();
 }
 
+Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
+                         const colmap::TrackElement& element) {
+  const colmap::Image& image = model.Image(element.image_id);
+  return model.Camera(image.CameraId())
+      .ImageToWorld(image.Point2D(element.point2D_idx).XY())
+      .homogeneous()
+      .normalized();
+}
+
 double LargerSide(const colmap::Camera& camera) {
   return double(std::max(camera.Width(), camera.Height()));
 }

@@ -23,6 +23,10 @@ double ReprojectionError(const colmap::Reconstruction& model,
                          const colmap::TrackElement& element,
                          const Eigen::Vector3d& point_in_cam);
 
+// Ray of unit length of a feature, in the frame of its camera.
+Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
+                         const colmap::TrackElement& element);
+
 // Larger image side [px].
 double LargerSide(const colmap::Camera& camera);
 

@@ -183,11 +183,9 @@ void CalibrateCameras(const MappingContext& context,
       progress->beliefs.held_principal_points.insert(camera_id);
     }
   } else {
-    const CameraBeliefs beliefs =
-        CalibrateModel(SelfCalibration(context, *progress),
-                       progress->beliefs,
-                       &progress->model);
-    progress->beliefs = beliefs;
+    progress->beliefs = CalibrateModel(SelfCalibration(context, *progress),
+                                       progress->beliefs,
+                                       &progress->model);
   }
   const CameraBeliefs& beliefs = progress->beliefs;
   timer.Add("groups", double(beliefs.groups.size()))

@@ -4,7 +4,6 @@
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/pose_access.h"
 #include "estimators/option_check.h"
-#include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_access.h"
 
 #include <colmap/base/triangulation.h>
@@ -26,32 +25,6 @@ constexpr double kMaxExtraParam = 1.0;
 // Error of a ray by rotations and key points, which positions of images are
 // weighed against [sine of angle].
 constexpr double kRayStddev = 0.005;
-
-Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
-                         const colmap::TrackElement& element) {
-  const colmap::Image& image = model.Image(element.image_id);
-  return model.Camera(image.CameraId())
-      .ImageToWorld(image.Point2D(element.point2D_idx).XY())
-      .homogeneous()
-      .normalized();
-}
-
-// Whether two rays of the point enclose at least min_angle [rad].
-bool IsTriangulated(const colmap::Point3D& point,
-                    const ImageCenters& centers,
-                    double min_angle) {
-  const std::vector<colmap::TrackElement>& elements = point.Track().Elements();
-  for (size_t i = 0; i < elements.size(); ++i) {
-    for (size_t j = 0; j < i; ++j) {
-      if (colmap::CalculateTriangulationAngle(centers.at(elements[i].image_id),
-                                              centers.at(elements[j].image_id),
-                                              point.XYZ()) >= min_angle) {
-        return true;
-      }
-    }
-  }
-  return false;
-}
 
 // Points whose rays enclose a large enough angle, of each image, and the other
 // points.
@@ -139,6 +112,22 @@ std::set<frame_t> FramesWithPoints(const ModelRefinementOptions& options,
 }
 
 }  // namespace
+
+bool IsTriangulated(const colmap::Point3D& point,
+                    const ImageCenters& centers,
+                    double min_angle) {
+  const std::vector<colmap::TrackElement>& elements = point.Track().Elements();
+  for (size_t i = 0; i < elements.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      if (colmap::CalculateTriangulationAngle(centers.at(elements[i].image_id),
+                                              centers.at(elements[j].image_id),
+                                              point.XYZ()) >= min_angle) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
 
 bool ModelRefinementOptions::IsValid(std::string* error) const {
   return OptionBounds(error)

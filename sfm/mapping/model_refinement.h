@@ -5,6 +5,7 @@
 
 #include "estimators/optimization/global_positioning.h"
 #include "sfm/mapping/bundle_adjustment.h"
+#include "sfm/mapping/metric_scale.h"
 #include "sfm/view_graph/view_graph.h"
 
 #include <colmap/util/alignment.h>
@@ -84,6 +85,11 @@ std::map<colmap::image_t, std::string> FilterImages(
     const ModelRefinementOptions& options,
     const FrameMembers& frames,
     colmap::Reconstruction* model);
+
+// Whether two rays of a point enclose at least min_angle [rad].
+bool IsTriangulated(const colmap::Point3D& point,
+                    const ImageCenters& centers,
+                    double min_angle);
 
 // Stores the mean reprojection error of each point in it [px].
 void UpdatePointErrors(colmap::Reconstruction* model);

@@ -2,6 +2,7 @@
 
 #include "colmap_ext/model/registered_images.h"
 #include "colmap_ext/pose_access.h"
+#include "colmap_ext/scene.h"
 #include "estimators/median.h"
 #include "sfm/mapping/model_access.h"
 
@@ -33,7 +34,10 @@ constexpr double kMaxReversedRatio = 5;
 class Growth {
  public:
   Growth(const colmap::Reconstruction& turned, const GrowthAdjuster& adjust)
-      : turned_(turned), adjust_(adjust), cameras_(turned) {
+      : turned_(turned), adjust_(adjust) {
+    for (const auto& [camera_id, camera] : turned.Cameras()) {
+      cameras_[camera_id] = camera;
+    }
     for (const colmap::point3D_t point_id : SortedPoints(turned)) {
       for (const colmap::TrackElement& element :
            turned.Point3D(point_id).Track().Elements()) {
@@ -123,11 +127,7 @@ class Growth {
   // behind their median distance by as much parallax.
   void Reverse() {
     const Eigen::Vector3d center = MeanCenter();
-    std::vector<double> distances;
-    for (const auto& [point_id, xyz] : points_) {
-      distances.push_back((xyz - center).norm());
-    }
-    const double median = Median(distances);
+    const double median = MedianDistance(center);
     for (auto& [image_id, pose] : poses_) {
       const Eigen::Vector3d reversed = 2 * center - pose.TargetOriginInSource();
       pose.translation = -(pose.rotation * reversed);
@@ -143,7 +143,6 @@ class Growth {
 
   // Turns an image to where its centre sees its points.
   void TurnToPoints(colmap::image_t image_id, Rigid3d* pose) const {
-    const colmap::Image& image = turned_.Image(image_id);
     const Eigen::Vector3d center = pose->TargetOriginInSource();
     Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
     for (const colmap::point3D_t point_id : points_of_images_.at(image_id)) {
@@ -152,12 +151,8 @@ class Growth {
       for (const colmap::TrackElement& element :
            turned_.Point3D(point_id).Track().Elements()) {
         if (element.image_id != image_id) continue;
-        correlation +=
-            cameras_.Camera(image.CameraId())
-                .ImageToWorld(image.Point2D(element.point2D_idx).XY())
-                .homogeneous()
-                .normalized() *
-            (point->second - center).normalized().transpose();
+        correlation += RayInCamera(element) *
+                       (point->second - center).normalized().transpose();
       }
     }
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
@@ -167,6 +162,24 @@ class Growth {
     pose->rotation =
         Eigen::Quaterniond(Eigen::Matrix3d(U * svd.matrixV().transpose()));
     pose->translation = -(pose->rotation * center);
+  }
+
+  // As RayInCam(), by the cameras as adjusted so far.
+  Eigen::Vector3d RayInCamera(const colmap::TrackElement& element) const {
+    const colmap::Image& image = turned_.Image(element.image_id);
+    return cameras_.at(image.CameraId())
+        .ImageToWorld(image.Point2D(element.point2D_idx).XY())
+        .homogeneous()
+        .normalized();
+  }
+
+  // Median distance of the points from a centre; 1 without any.
+  double MedianDistance(const Eigen::Vector3d& center) const {
+    std::vector<double> distances;
+    for (const auto& [point_id, xyz] : points_) {
+      distances.push_back((xyz - center).norm());
+    }
+    return distances.empty() ? 1 : Median(std::move(distances));
   }
 
   Eigen::Vector3d MeanCenter() const {
@@ -224,11 +237,7 @@ class Growth {
   // At the median distance of the others, where two placed images see them.
   void PlaceNewPoints() {
     const Eigen::Vector3d center = MeanCenter();
-    std::vector<double> distances;
-    for (const auto& [point_id, xyz] : points_) {
-      distances.push_back((xyz - center).norm());
-    }
-    const double distance = distances.empty() ? 1 : Median(distances);
+    const double distance = MedianDistance(center);
     for (const colmap::point3D_t point_id : SortedPoints(turned_)) {
       if (points_.count(point_id) > 0) continue;
       Eigen::Vector3d ray = Eigen::Vector3d::Zero();
@@ -238,12 +247,7 @@ class Growth {
            turned_.Point3D(point_id).Track().Elements()) {
         const auto pose = poses_.find(element.image_id);
         if (pose == poses_.end()) continue;
-        const colmap::Image& image = turned_.Image(element.image_id);
-        ray += pose->second.rotation.conjugate() *
-               cameras_.Camera(image.CameraId())
-                   .ImageToWorld(image.Point2D(element.point2D_idx).XY())
-                   .homogeneous()
-                   .normalized();
+        ray += pose->second.rotation.conjugate() * RayInCamera(element);
         origin += pose->second.TargetOriginInSource();
         ++count;
       }
@@ -256,7 +260,7 @@ class Growth {
   colmap::Reconstruction Build() const {
     colmap::Reconstruction model;
     // All of them: groups of cameras have one mean.
-    for (const auto& [camera_id, camera] : cameras_.Cameras()) {
+    for (const auto& [camera_id, camera] : cameras_) {
       model.AddCamera(camera);
     }
     for (const auto& [image_id, pose] : poses_) {
@@ -301,7 +305,7 @@ class Growth {
       xyz = model.Point3D(point_ids[i++]).XYZ();
     }
     for (const auto& [camera_id, camera] : model.Cameras()) {
-      cameras_.Camera(camera_id).SetParams(camera.Params());
+      cameras_.at(camera_id).SetParams(camera.Params());
     }
     return cost;
   }
@@ -309,8 +313,8 @@ class Growth {
   const colmap::Reconstruction& turned_;
   const GrowthAdjuster& adjust_;
   std::map<colmap::image_t, std::set<colmap::point3D_t>> points_of_images_;
-  // Cameras as adjusted so far; the rest of it is not used.
-  colmap::Reconstruction cameras_;
+  // As adjusted so far.
+  CameraMap cameras_;
   std::map<colmap::image_t, Rigid3d> poses_;
   std::map<colmap::image_t, Rigid3d> new_poses_;
   std::map<colmap::point3D_t, Eigen::Vector3d> points_;

@@ -224,7 +224,7 @@ struct Contradiction {
   }
 };
 
-// Of parts in groups, by pairs whose images do not agree.
+// Contradictions of the parts in groups, by pairs whose images do not agree.
 std::map<int, Contradiction> FindContradictions(
     const PartJoiningOptions& options,
     const std::vector<PartModel>& parts,

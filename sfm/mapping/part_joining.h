@@ -13,9 +13,10 @@ namespace dgsfm {
 struct PartJoiningOptions {
   // Images that two models must share to be compared.
   int min_num_shared_images = 3;
-  // Of which this share must agree [1]: those whose rotations differ by at most
-  // max_rotation_error_deg [deg] and whose centres by at most max_center_error
-  // [median depth of the image's points], in the frame of both.
+  // Share of these that must agree [1]. Images agree whose rotations differ by
+  // at most max_rotation_error_deg [deg], and whose centres by at most
+  // max_center_error [median depth of the image's points], in the frame of
+  // both.
   double min_agreeing_share = 0.6;
   double max_rotation_error_deg = 1.0;
   double max_center_error = 0.02;

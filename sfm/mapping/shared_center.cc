@@ -25,36 +25,32 @@ constexpr double kMaxExcessRatio = 2;
 // Centres nearer than this are the same [median distance of points].
 constexpr double kMaxSpreadRatio = 1e-6;
 
-// Ray of unit length of a key point [world].
-Eigen::Vector3d RayInWorld(const colmap::Reconstruction& model,
-                           const colmap::TrackElement& element) {
-  const colmap::Image& image = model.Image(element.image_id);
-  const Eigen::Vector3d ray =
-      model.Camera(image.CameraId())
-          .ImageToWorld(image.Point2D(element.point2D_idx).XY())
-          .homogeneous();
-  return (CamFromWorld(image).rotation.conjugate() * ray).normalized();
+using Rays = std::vector<Eigen::Vector3d>;
+
+// Rays of unit length of a track [world].
+Rays RaysOf(const colmap::Reconstruction& model, const colmap::Track& track) {
+  Rays rays;
+  for (const colmap::TrackElement& element : track.Elements()) {
+    rays.push_back(
+        CamFromWorld(model.Image(element.image_id)).rotation.conjugate() *
+        RayInCam(model, element));
+  }
+  return rays;
 }
 
-Eigen::Vector3d MeanRay(const colmap::Reconstruction& model,
-                        const colmap::Track& track) {
+Eigen::Vector3d MeanRay(const Rays& rays) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const colmap::TrackElement& element : track.Elements()) {
-    sum += RayInWorld(model, element);
-  }
+  for (const Eigen::Vector3d& ray : rays) sum += ray;
   // Rays that cancel belong to no point; the first one is as good as any.
-  return sum.norm() > 1e-3 ? Eigen::Vector3d(sum.normalized())
-                           : RayInWorld(model, track.Element(0));
+  return sum.norm() > 1e-3 ? Eigen::Vector3d(sum.normalized()) : rays.front();
 }
 
 // About the angle between the outermost rays.
-double RayAngleDeg(const colmap::Reconstruction& model,
-                   const colmap::Track& track) {
-  const Eigen::Vector3d mean = MeanRay(model, track);
+double RayAngleDeg(const Rays& rays) {
+  const Eigen::Vector3d mean = MeanRay(rays);
   double max_angle_deg = 0;
-  for (const colmap::TrackElement& element : track.Elements()) {
-    max_angle_deg =
-        std::max(max_angle_deg, 2 * AngleDeg(mean, RayInWorld(model, element)));
+  for (const Eigen::Vector3d& ray : rays) {
+    max_angle_deg = std::max(max_angle_deg, 2 * AngleDeg(mean, ray));
   }
   return max_angle_deg;
 }
@@ -80,21 +76,6 @@ double DistanceByDepth(const KeypointDepthMap& depths,
   return distances.empty() ? 0 : Median(distances);
 }
 
-// Whether two images see the point under this angle.
-bool HasParallax(const colmap::Point3D& point,
-                 const ImageCenters& centers,
-                 double min_angle_deg) {
-  std::vector<Eigen::Vector3d> rays;
-  for (const colmap::TrackElement& element : point.Track().Elements()) {
-    const Eigen::Vector3d ray = point.XYZ() - centers.at(element.image_id);
-    for (const Eigen::Vector3d& other : rays) {
-      if (AngleDeg(ray, other) >= min_angle_deg) return true;
-    }
-    rays.push_back(ray);
-  }
-  return false;
-}
-
 // Points of a model that no two images see under this angle, as share of all.
 double ShareWithoutParallax(double min_angle_deg,
                             const colmap::Reconstruction& model) {
@@ -102,7 +83,7 @@ double ShareWithoutParallax(double min_angle_deg,
   const ImageCenters centers = CentersOf(model);
   size_t num_without = 0;
   for (const auto& [point_id, point] : model.Points3D()) {
-    num_without += !HasParallax(point, centers, min_angle_deg);
+    num_without += !IsTriangulated(point, centers, min_angle_deg * M_PI / 180);
   }
   return double(num_without) / double(model.NumPoints3D());
 }
@@ -113,7 +94,7 @@ bool HasLittleParallax(const std::vector<colmap::Track>& tracks,
                        const colmap::Reconstruction& model) {
   std::vector<double> angles_deg;
   for (const colmap::Track& track : tracks) {
-    angles_deg.push_back(RayAngleDeg(model, track));
+    angles_deg.push_back(RayAngleDeg(RaysOf(model, track)));
   }
   if (angles_deg.empty()) return false;
   const double median_deg = Median(angles_deg);
@@ -133,7 +114,7 @@ void PlaceAtOneCenter(const std::vector<colmap::Track>& tracks,
     model->RegisterImage(image_id);
   }
   for (const colmap::Track& track : tracks) {
-    model->AddPoint3D(MeanRay(*model, track), track);
+    model->AddPoint3D(MeanRay(RaysOf(*model, track)), track);
   }
 }
 
@@ -143,7 +124,7 @@ void MoveToOneCenter(colmap::Reconstruction* model) {
   }
   for (const colmap::point3D_t point_id : SortedPoints(*model)) {
     colmap::Point3D& point = model->Point3D(point_id);
-    point.SetXYZ(MeanRay(*model, point.Track()));
+    point.SetXYZ(MeanRay(RaysOf(*model, point.Track())));
   }
 }
 

@@ -263,6 +263,15 @@ PairGeometry VerifyPair(const Scene& scene,
                     options);
 }
 
+void SortLongestFirst(const PairGeometries& pairs,
+                      std::vector<colmap::image_pair_t>* pair_ids) {
+  std::stable_sort(pair_ids->begin(),
+                   pair_ids->end(),
+                   [&](colmap::image_pair_t a, colmap::image_pair_t b) {
+                     return pairs.at(a).num_matches > pairs.at(b).num_matches;
+                   });
+}
+
 PairGeometries VerifyPairs(const Scene& scene,
                            const KeypointDepthMap& depths,
                            const PairVerificationOptions& options) {

@@ -80,6 +80,11 @@ PairGeometry VerifyPair(const Scene& scene,
                         const colmap::FeatureMatches& matches,
                         const PairVerificationOptions& options);
 
+// Sorts pairs by their matches, longest first, so that no thread starts a long
+// one when the others end.
+void SortLongestFirst(const PairGeometries& pairs,
+                      std::vector<colmap::image_pair_t>* pair_ids);
+
 // Verifies all pairs of scene.matches with at least min_num_inliers matches,
 // longest first; pairs with fewer are listed as TOO_FEW_MATCHES.
 PairGeometries VerifyPairs(const Scene& scene,

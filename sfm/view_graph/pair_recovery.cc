@@ -3,7 +3,6 @@
 #include "colmap_ext/parallel.h"
 #include "colmap_ext/progress.h"
 
-#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -32,12 +31,7 @@ std::vector<colmap::image_pair_t> RecoverablePairs(
       pair_ids.push_back(pair_id);
     }
   }
-  // Long pairs first, so that no thread starts one when the others end.
-  std::stable_sort(pair_ids.begin(),
-                   pair_ids.end(),
-                   [&](colmap::image_pair_t a, colmap::image_pair_t b) {
-                     return pairs.at(a).num_matches > pairs.at(b).num_matches;
-                   });
+  SortLongestFirst(pairs, &pair_ids);
   return pair_ids;
 }
 

@@ -64,12 +64,7 @@ void VerifyAgain(PairStage stage,
                  const Scene& scene,
                  const KeypointDepthMap& depths,
                  PairGeometries* pairs) {
-  // Long pairs first, so that no thread starts one when the others end.
-  std::stable_sort(pair_ids.begin(),
-                   pair_ids.end(),
-                   [&](colmap::image_pair_t a, colmap::image_pair_t b) {
-                     return pairs->at(a).num_matches > pairs->at(b).num_matches;
-                   });
+  SortLongestFirst(*pairs, &pair_ids);
   ParallelFor(pair_ids.size(), verification.num_threads, [&](size_t i) {
     const colmap::image_pair_t pair_id = pair_ids[i];
     pairs->at(pair_id).Replace(

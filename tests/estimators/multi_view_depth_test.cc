@@ -79,7 +79,7 @@ std::vector<const DepthView*> Pointers(const std::vector<DepthView>& views) {
   return pointers;
 }
 
-// Of the known depths in a range of columns.
+// Median error of the known depths in a range of columns.
 double MedianError(const DepthMap& map, int begin = 0, int end = kWidth) {
   const DepthMap truth = CreateView(0, 1, NoError).Map();
   std::vector<double> errors;

@@ -284,7 +284,7 @@ TEST(GlobalMapping, OrphansArePlacedByDepthOrLeftOut) {
         image_id2 < orphan || (image_id1 == orphan - 1 && image_id2 == orphan);
     it = stays ? std::next(it) : synthetic.pairs.erase(it);
   }
-  // Of the orphan's matches only those whose points no third image has.
+  // The orphan keeps those matches alone whose points no third image has.
   SyntheticPair& pair = synthetic.pairs.at(PairIdOfImages(orphan - 1, orphan));
   std::set<colmap::point2D_t> elsewhere;
   for (const auto& [pair_id, other] : synthetic.pairs) {

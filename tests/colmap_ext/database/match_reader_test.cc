@@ -32,8 +32,8 @@ class MatchReaderTest : public testing::Test {
     for (const char* name : {"a.jpg", "b.jpg", "c.jpg", "d.jpg"}) {
       writer.AddImage(name, 1, {{1, 2}, {3, 4}, {5, 6}});
     }
-    // Of the pairs (1, 2) with a duplicate, (1, 3) only verified, (2, 3) not
-    // verified, (3, 4) without matches.
+    // Matches of the pairs (1, 2) with a duplicate, (1, 3) only verified, (2,
+    // 3) not verified, (3, 4) without matches.
     writer.AddMatches(1, 2, {{2, 0}, {0, 1}, {2, 0}});
     writer.AddMatches(1, 3, {{1, 1}, {2, 2}});
     writer.Execute("DELETE FROM matches WHERE pair_id = 2147483650");

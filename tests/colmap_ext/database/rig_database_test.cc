@@ -76,7 +76,7 @@ TEST_P(RigDatabaseTest, ReadsRigsOfSeveralCameras) {
   EXPECT_EQ(members.at(4).frame_id, 2);
   EXPECT_EQ(members.at(4).camera_id, 2);
   EXPECT_TRUE(HasBaseline(members, {1, 2, 3}));
-  // Of each frame one image, and images of no frame.
+  // One image of each frame, and images of no frame.
   EXPECT_FALSE(HasBaseline(members, {1, 2, 7}));
 }
 

@@ -50,7 +50,7 @@ TEST(AverageFocalsOfCameras, PairsGoBeforeTheGuess) {
 }
 
 TEST(AverageFocalsOfCameras, ExifStandsInForPairsAndIsAveragedWithThem) {
-  // Of a diagonal of 800 px: 600 px.
+  // 600 px for a diagonal of 800 px.
   const ImageExif exif = {"camera", 0.75};
   Scene scene = TwoCameras();
   scene.exif[1] = scene.exif[2] = exif;
