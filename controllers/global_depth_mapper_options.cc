@@ -139,6 +139,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("scale_averaging", &options->skip_scale_averaging);
   skip("translation_averaging", &options->skip_translation_averaging);
   skip("global_positioning", &options->skip_global_positioning);
+  skip("one_center_start", &options->skip_one_center_start);
   skip("bundle_adjustment", &options->skip_bundle_adjustment);
   skip("self_calibration", &options->skip_self_calibration);
   skip("camera_ties", &options->skip_camera_ties);
@@ -370,6 +371,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.skip_self_calibration = true;
   mapper.skip_loss_adaptation = true;
   mapper.skip_rotation_recovery = true;
+  mapper.skip_one_center_start = true;
   mapper.skip_retriangulation = true;
   mapper.skip_pair_judging = true;
 

@@ -59,6 +59,10 @@ struct DepthGlobalMapperOptions {
   // The filter of pairs by their translations, which the paper does not have.
   bool skip_translation_averaging = false;
   bool skip_global_positioning = false;
+  // The second start from one centre, where there is little parallax, and the
+  // centre that images share where nothing shows that they moved; not in the
+  // paper.
+  bool skip_one_center_start = false;
   bool skip_bundle_adjustment = false;
   // The following are not in the paper.
   // Self-calibration: ties between cameras, see below, and free principal

@@ -149,8 +149,8 @@ ModelInProgress StartModel(const MappingContext& context,
   for (const colmap::Track& track : *tracks) {
     starts->num_observations += track.Length();
   }
-  if (context.scene.rigs.Empty() &&
-      HasLittleParallax(*tracks, CreateModel(context, rotations))) {
+  if (!context.options.skip_one_center_start && context.scene.rigs.Empty() &&
+      HasLittleParallax(*tracks, progress.model)) {
     progress.has_little_parallax = true;
     starts->from_one_center = [=, &context, &rotations] {
       colmap::Reconstruction model = CreateModel(context, rotations);

@@ -53,6 +53,8 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   EXPECT_TRUE(mapper.skip_depth_reliability);
   EXPECT_TRUE(mapper.skip_reverification);
   EXPECT_TRUE(mapper.skip_translation_averaging);
+  EXPECT_TRUE(mapper.skip_rotation_recovery);
+  EXPECT_TRUE(mapper.skip_one_center_start);
   EXPECT_TRUE(mapper.skip_retriangulation);
   EXPECT_TRUE(mapper.skip_self_calibration);
   EXPECT_TRUE(mapper.skip_loss_adaptation);
