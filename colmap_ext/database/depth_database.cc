@@ -3,118 +3,16 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/database/colmap_schema.h"
 #include "colmap_ext/database/depth_schema.h"
+#include "colmap_ext/database/keypoint_depth_table.h"
 #include "colmap_ext/database/keypoint_selection.h"
 #include "colmap_ext/database/pair_geometry_table.h"
-#include "colmap_ext/depth/affine_depth.h"
-#include "colmap_ext/fnv_hash.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <stdexcept>
 
 namespace dgsfm {
 namespace {
-
-// The join with images leaves out samples of images that were deleted by a
-// program that does not enforce foreign keys.
-constexpr char kSelectSamples[] =
-    "SELECT images.image_id, name, coalesce(keypoints.rows, 0), unit, "
-    "depths.rows, depths.data, focal_length, keypoints_fingerprint, "
-    "source_fingerprint, keypoints.data FROM dgsfm_keypoint_depths AS depths "
-    "JOIN images USING (image_id) LEFT JOIN keypoints USING (image_id)";
-
-bool AreDepths(const KeypointDepths& keypoint_depths) {
-  const bool is_affine = IsAffine(keypoint_depths.unit);
-  return std::all_of(keypoint_depths.depths.begin(),
-                     keypoint_depths.depths.end(),
-                     [&](float depth) {
-                       return std::isfinite(depth) && (is_affine || depth >= 0);
-                     });
-}
-
-bool IsFocalLength(double focal_length_px) {
-  return std::isfinite(focal_length_px) && focal_length_px >= 0;
-}
-
-// What is written must be readable: ReadSamples() refuses the same.
-void CheckSamples(const KeypointDepths& keypoint_depths) {
-  DGSFM_CHECK(IsFocalLength(keypoint_depths.focal_length_px))
-      << keypoint_depths.focal_length_px;
-  DGSFM_CHECK(AreDepths(keypoint_depths));
-}
-
-// Hash of the blob of key points; a NULL is an empty one.
-uint64_t KeypointsFingerprint(const SqliteStatement& row, int column) {
-  FnvHash hash;
-  hash.AddAll(row.Blob<uint32_t>(column));
-  return hash.Value();
-}
-
-struct ImageInfo {
-  std::string name;
-  int64_t num_keypoints = 0;
-  uint64_t keypoints_fingerprint = 0;
-};
-
-ImageInfo ReadImage(const SqliteConnection& connection,
-                    colmap::image_t image_id) {
-  SqliteStatement select(
-      connection,
-      "SELECT name, coalesce(keypoints.rows, 0), keypoints.data FROM images "
-      "LEFT JOIN keypoints USING (image_id) WHERE images.image_id = ?",
-      image_id);
-  if (!select.Step()) {
-    throw connection.Error() << "no image with id " << image_id;
-  }
-  return {select.Text(0), select.Int(1), KeypointsFingerprint(select, 2)};
-}
-
-// The table has numbers, which a damaged file may have changed.
-DepthUnit CheckedUnit(const SqliteConnection& connection,
-                      int64_t unit,
-                      const std::string& image_name) {
-  if (unit < static_cast<int>(DepthUnit::METRIC) ||
-      unit > static_cast<int>(DepthUnit::AFFINE_DEPTH)) {
-    throw connection.Error()
-        << "image " << image_name << ": unknown depth unit " << unit
-        << "; use the version of the program that wrote it";
-  }
-  return static_cast<DepthUnit>(unit);
-}
-
-// Reads a row of kSelectSamples.
-KeypointDepths ReadSamples(const SqliteConnection& connection,
-                           const SqliteStatement& row) {
-  const std::string name = row.Text(1);
-  const int64_t num_keypoints = row.Int(2);
-  const int64_t num_depths = row.Int(4);
-  KeypointDepths depths;
-  depths.unit = CheckedUnit(connection, row.Int(3), name);
-  depths.depths = row.Blob<float>(5);
-  depths.focal_length_px = row.Double(6);
-  depths.source_fingerprint = static_cast<uint64_t>(row.Int(8));
-  if (!IsFocalLength(depths.focal_length_px) ||
-      num_depths != int64_t(depths.depths.size()) || !AreDepths(depths)) {
-    throw connection.Error()
-        << "image " << name
-        << ": damaged depth at key points; run depth_importer again";
-  }
-  const auto fingerprint = static_cast<uint64_t>(row.Int(7));
-  // Tables of the first versions have no fingerprints of key points.
-  if (num_depths != num_keypoints ||
-      (fingerprint != 0 && fingerprint != KeypointsFingerprint(row, 9))) {
-    throw connection.Error()
-        << "image " << name << " has " << num_keypoints
-        << " key points, but depth was imported for "
-        << (num_depths == num_keypoints ? "other " : "") << num_depths
-        << "; features were "
-        << (num_keypoints == 0 ? "deleted since: extract them and"
-                               : "extracted again since:")
-        << " run depth_importer again";
-  }
-  return depths;
-}
 
 SqliteConnection::Mode ConnectionMode(DepthDatabase::Mode mode) {
   switch (mode) {
@@ -151,7 +49,7 @@ void DepthDatabase::RunWrite(const Write& write) {
 
 void DepthDatabase::WriteSamples(colmap::image_t image_id,
                                  const KeypointDepths& keypoint_depths) {
-  const ImageInfo image = ReadImage(connection_, image_id);
+  const ImageKeypoints image = ReadImageKeypoints(connection_, image_id);
   DGSFM_CHECK(int64_t(keypoint_depths.depths.size()) == image.num_keypoints)
       << keypoint_depths.depths.size() << " depths for " << image.num_keypoints
       << " key points of " << image.name;
@@ -179,7 +77,7 @@ void DepthDatabase::WriteCompressedDepthMap(
     colmap::image_t image_id,
     const CompressedDepthMap& depth_map,
     const KeypointDepths& keypoint_depths) {
-  CheckSamples(keypoint_depths);
+  CheckKeypointDepths(keypoint_depths);
   RunWrite([&] {
     WriteSamples(image_id, keypoint_depths);
     SqliteStatement(connection_,
@@ -196,7 +94,7 @@ void DepthDatabase::WriteCompressedDepthMap(
 
 void DepthDatabase::WriteKeypointDepths(colmap::image_t image_id,
                                         const KeypointDepths& keypoint_depths) {
-  CheckSamples(keypoint_depths);
+  CheckKeypointDepths(keypoint_depths);
   RunWrite([&] {
     WriteSamples(image_id, keypoint_depths);
     SqliteStatement(connection_,
@@ -215,7 +113,7 @@ bool DepthDatabase::HasDepthMap(colmap::image_t image_id) const {
 }
 
 DepthMap DepthDatabase::ReadDepthMap(colmap::image_t image_id) const {
-  const std::string name = ReadImage(connection_, image_id).name;
+  const std::string name = ReadImageKeypoints(connection_, image_id).name;
   if (!HasDepthMap(image_id)) {
     throw connection_.Error() << "image " << name << " has no depth map";
   }
@@ -248,11 +146,11 @@ std::map<colmap::image_t, KeypointDepths> DepthDatabase::ReadAllKeypointDepths(
     const std::function<bool(colmap::image_t)>& selects) const {
   std::map<colmap::image_t, KeypointDepths> all_depths;
   if (!HasDepthTables(connection_)) return all_depths;
-  SqliteStatement select(connection_, kSelectSamples);
+  SqliteStatement select(connection_, kSelectKeypointDepths);
   while (select.Step()) {
     const auto image_id = static_cast<colmap::image_t>(select.Int(0));
     if (selects && !selects(image_id)) continue;
-    KeypointDepths depths = ReadSamples(connection_, select);
+    KeypointDepths depths = KeypointDepthsOfRow(connection_, select);
     depths.depths = RestrictToKept(kept, image_id, std::move(depths.depths));
     all_depths.emplace(image_id, std::move(depths));
   }
@@ -264,10 +162,10 @@ std::optional<KeypointDepths> DepthDatabase::ReadKeypointDepths(
   if (!HasDepthTables(connection_)) return std::nullopt;
   SqliteStatement select(
       connection_,
-      std::string(kSelectSamples) + " WHERE images.image_id = ?",
+      std::string(kSelectKeypointDepths) + " WHERE images.image_id = ?",
       image_id);
   if (!select.Step()) return std::nullopt;
-  return ReadSamples(connection_, select);
+  return KeypointDepthsOfRow(connection_, select);
 }
 
 std::map<colmap::image_t, uint64_t> DepthDatabase::ReadSourceFingerprints()

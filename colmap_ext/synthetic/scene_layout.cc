@@ -1,10 +1,12 @@
 #include "colmap_ext/synthetic/scene_layout.h"
 
 #include "colmap_ext/check.h"
+#include "colmap_ext/synthetic/facade_layouts.h"
 #include "colmap_ext/synthetic/synthetic_camera.h"
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -64,124 +66,6 @@ class StreetLayout : public SceneLayout {
   static constexpr double kStep = 1.5;  // [m]
 
   int num_images_;
-};
-
-// A grid of viewpoints twice as wide as high, 10 to 13 m from the facade.
-class FacadeLayout : public SceneLayout {
- public:
-  explicit FacadeLayout(int num_images)
-      : FacadeLayout(num_images,
-                     static_cast<int>(std::ceil(std::sqrt(2. * num_images)))) {}
-  FacadeLayout(int num_images, int num_columns)
-      : num_columns_(std::max(1, num_columns)),
-        num_rows_((num_images + num_columns_ - 1) / num_columns_) {}
-
-  std::vector<SurfacePoint> DrawPoints(RandomStream* random) const override {
-    Eigen::Vector3d xyz;
-    xyz.x() = random->Uniform(-4, Width() + 4);
-    xyz.y() = random->Uniform(10, 13);
-    xyz.z() = random->Uniform(-4, 1.5 * num_rows_ + 2.5);
-    return {{xyz, {0, -1, 0}}};
-  }
-
-  Viewpoint DrawViewpoint(int i, RandomStream*) const override {
-    const Eigen::Vector3d center(
-        2. * (i % num_columns_), 0, 1.5 * (i / num_columns_));
-    return {center, center + Eigen::Vector3d(0, 10, 0)};
-  }
-
-  // Distance between the first and the last column [m].
-  double Width() const { return 2. * (num_columns_ - 1); }
-  int NumRows() const { return num_rows_; }
-
- private:
-  int num_columns_;
-  int num_rows_;
-};
-
-// Each of the two images in the middle shares about a third of its view with
-// the nearest column of either facade; the facades share none.
-class ClustersLayout : public SceneLayout {
- public:
-  explicit ClustersLayout(int num_images)
-      : num_links_(std::min(2, num_images / 4)),
-        num_images1_((num_images - num_links_ + 1) / 2),
-        num_images2_(num_images - num_links_ - num_images1_),
-        facade1_(num_images1_),
-        facade2_(num_images2_),
-        wall_(num_images,
-              static_cast<int>(facade1_.Width() + kGap + facade2_.Width()) / 2 +
-                  1) {}
-
-  std::vector<SurfacePoint> DrawPoints(RandomStream* random) const override {
-    SurfacePoint point = wall_.DrawPoints(random)[0];
-    point.xyz.z() = random->Uniform(-4, 1.5 * facade1_.NumRows() + 2.5);
-    return {point};
-  }
-
-  Viewpoint DrawViewpoint(int i, RandomStream* random) const override {
-    if (i < num_images1_) return facade1_.DrawViewpoint(i, random);
-    Viewpoint view;
-    Eigen::Vector3d shift(facade1_.Width() + kGap, 0, 0);
-    if (i < num_images1_ + num_images2_) {
-      view = facade2_.DrawViewpoint(i - num_images1_, random);
-    } else {
-      view = facade1_.DrawViewpoint(0, random);
-      shift.x() -= 0.5 * kGap;
-      shift.z() = 0.75 * (facade1_.NumRows() - 1);
-    }
-    view.center += shift;
-    view.target += shift;
-    return view;
-  }
-
- private:
-  // Between the nearest columns of the facades [m]; views are 11 to 15 m wide.
-  static constexpr double kGap = 18;
-
-  int num_links_;
-  int num_images1_;
-  int num_images2_;
-  FacadeLayout facade1_;
-  FacadeLayout facade2_;
-  FacadeLayout wall_;
-};
-
-// A long facade of equal bays, in which most points repeat. It has one row of
-// images up to some hundred of them, so that it has bays out of sight of each
-// other.
-class RepeatsLayout : public SceneLayout {
- public:
-  explicit RepeatsLayout(int num_images)
-      : facade_(num_images,
-                static_cast<int>(num_images /
-                                 std::max(1., std::sqrt(num_images) / 10))),
-        num_bays_(static_cast<int>(facade_.Width() / kBayWidth) + 3) {}
-
-  std::vector<SurfacePoint> DrawPoints(RandomStream* random) const override {
-    // A draw that repeats makes a point in every bay.
-    const bool repeats =
-        random->Uniform() <
-        kRepeatedShare / (kRepeatedShare + num_bays_ * (1 - kRepeatedShare));
-    SurfacePoint point = facade_.DrawPoints(random)[0];
-    if (!repeats) return {point};
-    point.xyz.x() = random->Uniform(-kBayWidth, 0);
-    std::vector<SurfacePoint> points(num_bays_, point);
-    for (int i = 0; i < num_bays_; ++i) points[i].xyz.x() += i * kBayWidth;
-    return points;
-  }
-
-  Viewpoint DrawViewpoint(int i, RandomStream* random) const override {
-    return facade_.DrawViewpoint(i, random);
-  }
-
- private:
-  static constexpr double kBayWidth = 4;  // [m]
-  // Share of all points that repeat.
-  static constexpr double kRepeatedShare = 0.7;
-
-  FacadeLayout facade_;
-  int num_bays_;
 };
 
 // Around a round building whose front and back are the same; what lies between
@@ -340,51 +224,50 @@ class InternetLayout : public SceneLayout {
   size_t num_landmarks_;
 };
 
-}  // namespace
-
-const std::vector<SceneFamily>& AllSceneFamilies() {
-  static const std::vector<SceneFamily> families = {SceneFamily::RING,
-                                                    SceneFamily::STREET,
-                                                    SceneFamily::FACADE,
-                                                    SceneFamily::CLUSTERS,
-                                                    SceneFamily::REPEATS,
-                                                    SceneFamily::TWINS,
-                                                    SceneFamily::LOW_PARALLAX,
-                                                    SceneFamily::PANORAMA,
-                                                    SceneFamily::FORWARD,
-                                                    SceneFamily::INTERNET};
-  return families;
+template <typename Layout>
+std::unique_ptr<SceneLayout> Create(int num_images) {
+  return std::make_unique<Layout>(num_images);
 }
 
-std::string SceneFamilyName(SceneFamily family) {
-  switch (family) {
-    case SceneFamily::RING:
-      return "ring";
-    case SceneFamily::STREET:
-      return "street";
-    case SceneFamily::FACADE:
-      return "facade";
-    case SceneFamily::CLUSTERS:
-      return "clusters";
-    case SceneFamily::REPEATS:
-      return "repeats";
-    case SceneFamily::TWINS:
-      return "twins";
-    case SceneFamily::LOW_PARALLAX:
-      return "low_parallax";
-    case SceneFamily::PANORAMA:
-      return "panorama";
-    case SceneFamily::FORWARD:
-      return "forward";
-    case SceneFamily::INTERNET:
-      return "internet";
+struct FamilyEntry {
+  SceneFamily family;
+  const char* name;
+  std::unique_ptr<SceneLayout> (*create)(int num_images);
+};
+
+constexpr FamilyEntry kFamilies[] = {
+    {SceneFamily::RING, "ring", &Create<RingLayout>},
+    {SceneFamily::STREET, "street", &Create<StreetLayout>},
+    {SceneFamily::FACADE, "facade", &Create<FacadeLayout>},
+    {SceneFamily::CLUSTERS, "clusters", &Create<ClustersLayout>},
+    {SceneFamily::REPEATS, "repeats", &Create<RepeatsLayout>},
+    {SceneFamily::TWINS, "twins", &Create<TwinsLayout>},
+    {SceneFamily::LOW_PARALLAX, "low_parallax", &Create<LowParallaxLayout>},
+    {SceneFamily::PANORAMA, "panorama", &Create<PanoramaLayout>},
+    {SceneFamily::FORWARD, "forward", &Create<ForwardLayout>},
+    {SceneFamily::INTERNET, "internet", &Create<InternetLayout>},
+};
+
+const FamilyEntry& Entry(SceneFamily family) {
+  for (const FamilyEntry& entry : kFamilies) {
+    if (entry.family == family) return entry;
   }
   throw std::invalid_argument("unknown scene family");
 }
 
+}  // namespace
+
+std::vector<SceneFamily> AllSceneFamilies() {
+  std::vector<SceneFamily> families;
+  for (const FamilyEntry& entry : kFamilies) families.push_back(entry.family);
+  return families;
+}
+
+std::string SceneFamilyName(SceneFamily family) { return Entry(family).name; }
+
 SceneFamily SceneFamilyFromName(const std::string& name) {
-  for (const SceneFamily family : AllSceneFamilies()) {
-    if (name == SceneFamilyName(family)) return family;
+  for (const FamilyEntry& entry : kFamilies) {
+    if (name == entry.name) return entry.family;
   }
   throw std::runtime_error("family '" + name + "' must be " +
                            SceneFamilyNames());
@@ -392,11 +275,11 @@ SceneFamily SceneFamilyFromName(const std::string& name) {
 
 std::string SceneFamilyNames() {
   std::string names;
-  for (const SceneFamily family : AllSceneFamilies()) {
+  for (const FamilyEntry& entry : kFamilies) {
     if (!names.empty()) {
-      names += family == AllSceneFamilies().back() ? " or " : ", ";
+      names += &entry == std::end(kFamilies) - 1 ? " or " : ", ";
     }
-    names += SceneFamilyName(family);
+    names += entry.name;
   }
   return names;
 }
@@ -404,29 +287,7 @@ std::string SceneFamilyNames() {
 std::unique_ptr<SceneLayout> CreateSceneLayout(SceneFamily family,
                                                int num_images) {
   DGSFM_CHECK(num_images > 0) << "num_images = " << num_images;
-  switch (family) {
-    case SceneFamily::RING:
-      return std::make_unique<RingLayout>(num_images);
-    case SceneFamily::STREET:
-      return std::make_unique<StreetLayout>(num_images);
-    case SceneFamily::FACADE:
-      return std::make_unique<FacadeLayout>(num_images);
-    case SceneFamily::CLUSTERS:
-      return std::make_unique<ClustersLayout>(num_images);
-    case SceneFamily::REPEATS:
-      return std::make_unique<RepeatsLayout>(num_images);
-    case SceneFamily::TWINS:
-      return std::make_unique<TwinsLayout>(num_images);
-    case SceneFamily::LOW_PARALLAX:
-      return std::make_unique<LowParallaxLayout>(num_images);
-    case SceneFamily::PANORAMA:
-      return std::make_unique<PanoramaLayout>(num_images);
-    case SceneFamily::FORWARD:
-      return std::make_unique<ForwardLayout>(num_images);
-    case SceneFamily::INTERNET:
-      return std::make_unique<InternetLayout>(num_images);
-  }
-  throw std::invalid_argument("unknown scene family");
+  return Entry(family).create(num_images);
 }
 
 Rigid3d DrawPose(const SceneLayout& layout, int i, RandomStream* random) {

@@ -33,7 +33,7 @@ std::string SceneFamilyName(SceneFamily family);
 SceneFamily SceneFamilyFromName(const std::string& name);
 // All names, for help and messages: "ring, street, ... or internet".
 std::string SceneFamilyNames();
-const std::vector<SceneFamily>& AllSceneFamilies();
+std::vector<SceneFamily> AllSceneFamilies();
 
 // A patch of a surface that may become a key point. It is seen from up to 60
 // degrees off its normal, at distances [m] at which features of its size are
