@@ -56,7 +56,9 @@ struct DepthGlobalMapperOptions {
   // geometry or with another rotation; not in the paper.
   bool skip_rotation_recovery = false;
   bool skip_scale_averaging = false;
-  // The filter of pairs by their translations, which the paper does not have.
+  // The filters of pairs by their translations, with the lengths of shared
+  // points and of depth, and the start from the centres averaged with the
+  // former; not in the paper.
   bool skip_translation_averaging = false;
   bool skip_global_positioning = false;
   // The second start from one centre, where there is little parallax, and the

@@ -41,28 +41,38 @@ std::string WhyNotPositioned(colmap::image_t image_id,
          "other places, or depth";
 }
 
-// Averages the depth scales, and takes out pairs whose translations contradict
-// the others at these scales.
-ImageScales AverageScalesAndFilter(const MappingContext& context,
+struct AveragedPositions {
+  ImageScales scales;
+  AveragedCenters centers;
+};
+
+// Averages the depth scales and the translations of pairs, and takes out pairs
+// whose translations contradict the others.
+AveragedPositions AverageAndFilter(const MappingContext& context,
                                    const ComponentRotations& rotations,
                                    const ImageIndex& index,
                                    PairGeometries* pairs,
                                    MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
   StageTimer scale_timer("scale_averaging");
-  const ComponentScales scales = AverageComponentScales(
+  ComponentScales scales = AverageComponentScales(
       options.averaging, options.skip_scale_averaging, index, pairs);
   scale_timer.Add("pairs", double(scales.num_pairs))
       .Add("outliers", double(scales.num_outliers))
       .Add("images", double(scales.scales.size()));
   scale_timer.Finish(&log->stages);
-  if (options.skip_translation_averaging) return scales.scales;
+  if (options.skip_translation_averaging) return {scales.scales, {}};
   StageTimer translation_timer("translation_averaging");
+  LengthFilterResult by_length = FilterByLength(
+      options.averaging, context.scene, index, rotations.cam_from_world, pairs);
   const size_t num_filtered = FilterByTranslation(
       options.averaging, index, rotations.cam_from_world, scales.scales, pairs);
-  translation_timer.Add("pairs_filtered", double(num_filtered));
+  translation_timer
+      .Add("pairs_filtered_by_length", double(by_length.num_pairs_filtered))
+      .Add("pairs_filtered",
+           double(by_length.num_pairs_filtered + num_filtered));
   translation_timer.Finish(&log->stages);
-  return scales.scales;
+  return {std::move(scales.scales), std::move(by_length.centers)};
 }
 
 // A model of rotated images without positions and points.
@@ -116,8 +126,8 @@ ModelInProgress StartModel(const MappingContext& context,
                            ModelStarts* starts,
                            MappingLog* log) {
   const ImageIndex index(rotations.image_ids);
-  const ImageScales scales =
-      AverageScalesAndFilter(context, rotations, index, pairs, log);
+  const AveragedPositions averaged =
+      AverageAndFilter(context, rotations, index, pairs, log);
   ModelInProgress progress = CreateProgress(context, rotations.image_ids);
   StageTimer timer("initialization");
   const TrackOptions& track_options = context.options.tracks;
@@ -131,18 +141,19 @@ ModelInProgress StartModel(const MappingContext& context,
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
       std::move(established));
   if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);
-  starts->depth_scales = scales;
+  starts->depth_scales = averaged.scales;
   starts->from_pairs = [=, &context, &rotations] {
     colmap::Reconstruction model = CreateModel(context, rotations);
     InitializePositions(index,
                         *pairs,
                         context.depths,
-                        scales,
+                        averaged.scales,
                         *tracks,
                         context.options.position_initialization,
                         context.options.refinement.min_triangulation_angle_deg,
                         &model,
-                        context.frames);
+                        context.frames,
+                        averaged.centers);
     return model;
   };
   progress.model = starts->from_pairs();

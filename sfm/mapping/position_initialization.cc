@@ -49,12 +49,14 @@ class PositionInitializer {
                       const PositionInitializationOptions& options,
                       double min_triangulation_angle_deg,
                       const FrameMembers& frames,
+                      const AveragedCenters& averaged_centers,
                       colmap::Reconstruction* reconstruction)
       : index_(index),
         pairs_(pairs),
         scales_(options.use_depth ? scales : ImageScales()),
         tracks_(tracks),
         frames_(frames),
+        averaged_centers_(averaged_centers),
         min_triangulation_angle_deg_(min_triangulation_angle_deg),
         reconstruction_(reconstruction),
         centers_(index.Size()),
@@ -218,10 +220,21 @@ class PositionInitializer {
     GrowByResection();
   }
 
-  void GrowFrom(const Seed& seed) {
+  void Clear() {
     centers_.assign(centers_.size(), std::nullopt);
     points_.assign(points_.size(), std::nullopt);
     num_placed_tracks_.assign(num_placed_tracks_.size(), 0);
+  }
+
+  void GrowFromAveragedCenters() {
+    for (const auto& [image_id, center] : averaged_centers_) {
+      centers_[index_.Of(image_id)] = center;
+    }
+    Grow();
+  }
+
+  void GrowFrom(const Seed& seed) {
+    Clear();
     centers_[seed.image1] = Eigen::Vector3d::Zero();
     centers_[seed.image2] =
         ChainCenter(Eigen::Vector3d::Zero(),
@@ -231,20 +244,26 @@ class PositionInitializer {
     Grow();
   }
 
-  // From the best seed, or from one that reaches more images; pairs within
-  // what an earlier seed reached would reach the same.
+  Images PlacedImages() const {
+    Images images;
+    for (int image = 0; image < index_.Size(); ++image) {
+      if (centers_[image]) images.insert(image);
+    }
+    return images;
+  }
+
+  // From averaged centres, the best seed, or one that reaches more images;
+  // pairs within what an earlier one reached would reach the same.
   void GrowFromBestSeed() {
-    std::vector<Images> reached;
-    size_t num_best = 0;
+    GrowFromAveragedCenters();
+    std::vector<Images> reached = {PlacedImages()};
+    size_t num_best = reached.front().size();
     auto best = std::make_tuple(centers_, points_, num_placed_tracks_);
     while (reached.size() < kMaxNumSeeds && num_best < size_t(index_.Size())) {
       const std::optional<Seed> seed = BestSeed(reached);
       if (!seed) break;
       GrowFrom(*seed);
-      Images& images = reached.emplace_back();
-      for (int image = 0; image < index_.Size(); ++image) {
-        if (centers_[image]) images.insert(image);
-      }
+      const Images& images = reached.emplace_back(PlacedImages());
       if (images.size() <= num_best) continue;
       num_best = images.size();
       best = {centers_, points_, num_placed_tracks_};
@@ -376,6 +395,7 @@ class PositionInitializer {
   const ImageScales scales_;
   const std::vector<colmap::Track>& tracks_;
   const FrameMembers& frames_;
+  const AveragedCenters& averaged_centers_;
   // Below it the position of a point along its rays is noise.
   const double min_triangulation_angle_deg_;
   colmap::Reconstruction* reconstruction_;
@@ -397,7 +417,8 @@ size_t InitializePositions(const ImageIndex& index,
                            const PositionInitializationOptions& options,
                            double min_triangulation_angle_deg,
                            colmap::Reconstruction* reconstruction,
-                           const FrameMembers& frames) {
+                           const FrameMembers& frames,
+                           const AveragedCenters& averaged_centers) {
   return PositionInitializer(index,
                              pairs,
                              depths,
@@ -406,6 +427,7 @@ size_t InitializePositions(const ImageIndex& index,
                              options,
                              min_triangulation_angle_deg,
                              frames,
+                             averaged_centers,
                              reconstruction)
       .Run();
 }

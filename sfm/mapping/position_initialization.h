@@ -4,7 +4,7 @@
 
 #pragma once
 
-#include "sfm/view_graph/component_averaging.h"
+#include "sfm/view_graph/translation_filter.h"
 
 #include <colmap/util/alignment.h>
 
@@ -30,8 +30,9 @@ struct PositionInitializationOptions {
 // intersection of the viewing rays of these tracks. Images that never see six
 // placed tracks stay unregistered; tracks with fewer than two registered
 // images, or without depth and with rays that enclose less than
-// min_triangulation_angle_deg, are not added. Returns the number of registered
-// images.
+// min_triangulation_angle_deg, are not added. Without scaled pairs the model
+// grows in the same way from the averaged centres, or from a seed pair where
+// that reaches more images. Returns the number of registered images.
 size_t InitializePositions(const ImageIndex& index,
                            const PairGeometries& pairs,
                            const KeypointDepthMap& depths,
@@ -40,6 +41,7 @@ size_t InitializePositions(const ImageIndex& index,
                            const PositionInitializationOptions& options,
                            double min_triangulation_angle_deg,
                            colmap::Reconstruction* reconstruction,
-                           const FrameMembers& frames = {});
+                           const FrameMembers& frames = {},
+                           const AveragedCenters& averaged_centers = {});
 
 }  // namespace dgsfm

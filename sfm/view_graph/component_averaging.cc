@@ -210,41 +210,6 @@ std::vector<colmap::image_t> LargestScaledPart(const ImageIndex& index,
   return image_ids;
 }
 
-// Relative error of a pair's translation, of the order of a network's [1].
-// Short baselines err as the median one does: what a false pair of look-alike
-// places claims is often that it has none.
-constexpr double kTranslationStddevRatio = 0.1;
-
-std::vector<RelativeTranslation> MetricTranslations(
-    const ImageIndex& index,
-    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
-    const ImageScales& scales,
-    const ImageIndex& scaled_index,
-    const std::vector<IndexedPair>& scaled_pairs) {
-  std::vector<RelativeTranslation> translations;
-  std::vector<double> lengths;
-  for (const IndexedPair& indexed : scaled_pairs) {
-    const colmap::image_t image_id1 = scaled_index.IdOf(indexed.image1);
-    const colmap::image_t image_id2 = scaled_index.IdOf(indexed.image2);
-    RelativeTranslation relative;
-    relative.node1 = indexed.image1;
-    relative.node2 = indexed.image2;
-    relative.translation =
-        -scales.at(image_id1) *
-        (cam_from_world_rotations[index.Of(image_id2)].conjugate() *
-         indexed.pair->cam2_from_cam1.translation);
-    translations.push_back(relative);
-    lengths.push_back(relative.translation.norm());
-  }
-  if (lengths.empty()) return translations;
-  const double median = std::max(Median(lengths), 1e-12);
-  for (RelativeTranslation& relative : translations) {
-    relative.stddev =
-        kTranslationStddevRatio * std::max(relative.translation.norm(), median);
-  }
-  return translations;
-}
-
 }  // namespace
 
 bool ComponentAveragingOptions::IsValid(std::string* error) const {
@@ -340,43 +305,6 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
         std::exp(log_scales[scaled_index.Of(image_id)] - median);
   }
   return result;
-}
-
-size_t FilterByTranslation(
-    const ComponentAveragingOptions& options,
-    const ImageIndex& index,
-    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
-    const ImageScales& scales,
-    PairGeometries* pairs) {
-  std::vector<colmap::image_t> image_ids;
-  for (const auto& [image_id, scale] : scales) image_ids.push_back(image_id);
-  const ImageIndex scaled_index(image_ids);
-  const std::vector<IndexedPair> scaled_pairs =
-      ScaledPairs(scaled_index, pairs);
-  const std::vector<RelativeTranslation> translations = MetricTranslations(
-      index, cam_from_world_rotations, scales, scaled_index, scaled_pairs);
-  if (translations.empty()) return 0;
-  std::vector<Eigen::Vector3d> centers;
-  if (!AverageTranslations(scaled_index.Size(),
-                           translations,
-                           /*fixed_node=*/0,
-                           options.translation_averaging,
-                           &centers)) {
-    LOG(WARNING) << "Translation averaging failed: no pair is filtered by it";
-    return 0;
-  }
-  const std::vector<double> errors = TranslationErrors(translations, centers);
-  const double max_error =
-      std::max(options.max_translation_error_ratio / kTranslationStddevRatio,
-               options.max_translation_error_factor * Median(errors));
-  size_t num_filtered = 0;
-  for (size_t i = 0; i < errors.size(); ++i) {
-    if (errors[i] <= max_error) continue;
-    scaled_pairs[i].pair->Judge(PairStage::TRANSLATION_AVERAGING,
-                                PairStatus::TRANSLATION_OUTLIER);
-    ++num_filtered;
-  }
-  return num_filtered;
 }
 
 }  // namespace dgsfm

@@ -86,16 +86,4 @@ ComponentScales AverageComponentScales(const ComponentAveragingOptions& options,
                                        const ImageIndex& index,
                                        PairGeometries* pairs);
 
-// Averages the metric translations of the scaled pairs among the images of the
-// index with a scale, and takes out those that contradict the average: a facade
-// matched one window too far has the right rotation and scale, and only the
-// loops of its pairs through other images contradict it. Such pairs become
-// TRANSLATION_OUTLIER. Returns their number.
-size_t FilterByTranslation(
-    const ComponentAveragingOptions& options,
-    const ImageIndex& index,
-    const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
-    const ImageScales& scales,
-    PairGeometries* pairs);
-
 }  // namespace dgsfm

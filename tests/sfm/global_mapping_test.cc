@@ -247,6 +247,28 @@ TEST(GlobalMapping, LookAlikePlacesAreKeptApart) {
   EXPECT_LT(MeanError(outcome.metrics), mean_without / 2);
 }
 
+// Lengths of pairs by shared points contradict the false pairs where no depth
+// does, or where depth is wrong.
+TEST(GlobalMapping, LookAlikePlacesAreKeptApartWithoutGoodDepth) {
+  for (const int seed : {0, 1, 2}) {
+    SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::REPEATS);
+    options.num_images = 16;
+    options.num_points_per_image = 300;
+    options.image_noise_px = 0.5;
+    options.depth_noise = DepthModelFromName("useless");
+    options.random_seed = seed;
+    const SyntheticScene synthetic = SynthesizeScene(options);
+    for (const bool use_depth : {false, true}) {
+      const Outcome outcome = MapSynthetic(synthetic, {}, use_depth);
+      ASSERT_FALSE(outcome.result.models.empty());
+      // Folded models reach less than 60.
+      EXPECT_GT(AreaUnderCurve(outcome.metrics.relative_errors_deg, {5})[0],
+                use_depth ? 80 : 90)
+          << "seed " << seed << ", with depth " << use_depth;
+    }
+  }
+}
+
 // Each image is matched with the one that sees the same on the other side: more
 // pairs than there are around the corners.
 TEST(GlobalMapping, TwinFacadesFacingAwayAreNotFolded) {

@@ -99,6 +99,35 @@ TEST(InitializePositions, GrowsFromASeedWithoutDepth) {
   EXPECT_LT(metrics.max_center_error, 1e-3);
 }
 
+TEST(InitializePositions, GrowsFromAveragedCentersWithoutDepth) {
+  Start start = ExactStart();
+  std::vector<colmap::image_t> image_ids;
+  AveragedCenters centers;
+  for (const auto& [image_id, scale] : start.scales) {
+    image_ids.push_back(image_id);
+    // The others follow by resection.
+    if (image_id > 10) continue;
+    centers[image_id] =
+        CamFromWorld(start.truth.Image(image_id)).TargetOriginInSource();
+  }
+  // No pair could be a seed.
+  EXPECT_EQ(InitializePositions(ImageIndex(image_ids),
+                                /*pairs=*/{},
+                                start.depths,
+                                /*scales=*/{},
+                                start.tracks,
+                                {},
+                                /*min_triangulation_angle_deg=*/1.5,
+                                &start.model,
+                                /*frames=*/{},
+                                centers),
+            16);
+  const PoseMetrics metrics =
+      EvaluatePoses(Poses(start.truth), Poses(start.model));
+  EXPECT_NEAR(metrics.truth_from_model_scale, 1, 1e-4);
+  EXPECT_LT(metrics.max_center_error, 1e-3);
+}
+
 TEST(InitializePositions, TriesOtherSeedsWhereTheBestOneDoesNotGrow) {
   PositionInitializationOptions options;
   options.use_depth = false;

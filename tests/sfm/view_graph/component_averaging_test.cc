@@ -1,5 +1,9 @@
 #include "sfm/view_graph/component_averaging.h"
 
+#include "colmap_ext/synthetic/synthetic_scene_io.h"
+#include "sfm/verification/pair_verification.h"
+#include "sfm/view_graph/translation_filter.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -136,6 +140,57 @@ TEST(FilterByTranslation, TakesOutPairsOffTheirLoops) {
                                 &component.pairs),
             1);
   EXPECT_EQ(wrong.status, PairStatus::TRANSLATION_OUTLIER);
+}
+
+// Shifted views of a facade, some of which claim that their images did not
+// move.
+TEST(FilterByLength, TakesOutPairsOfLookAlikePlaces) {
+  SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::REPEATS);
+  options.num_images = 16;
+  options.num_points_per_image = 300;
+  options.image_noise_px = 0.5;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  const Scene scene = SceneFromSynthetic(synthetic);
+  PairGeometries pairs = VerifyPairs(scene, {}, PairVerificationOptions());
+  std::vector<colmap::image_t> image_ids;
+  std::vector<Eigen::Quaterniond> rotations;
+  for (const auto& [image_id, image] : synthetic.images) {
+    image_ids.push_back(image_id);
+    rotations.push_back(image.cam_from_world.rotation);
+  }
+  size_t num_valid_false = 0;
+  for (const auto& [pair_id, pair] : pairs) {
+    num_valid_false += pair.status == PairStatus::VALID &&
+                       synthetic.pairs.at(pair_id).is_false;
+  }
+  EXPECT_GE(num_valid_false, 5);
+  const LengthFilterResult result =
+      FilterByLength({}, scene, ImageIndex(image_ids), rotations, &pairs);
+  // Pairs whose rays are parallel throughout have no length and stay.
+  EXPECT_LE(result.num_pairs_filtered, num_valid_false);
+  EXPECT_GE(4 * result.num_pairs_filtered, 3 * num_valid_false);
+  EXPECT_EQ(result.centers.size(), 16);
+  for (const auto& [pair_id, pair] : pairs) {
+    if (synthetic.pairs.at(pair_id).is_false) continue;
+    EXPECT_NE(pair.status, PairStatus::TRANSLATION_OUTLIER);
+  }
+}
+
+TEST(FilterByLength, LeavesPairsWithoutInliersAlone) {
+  Component component = ExactComponent();
+  for (auto& [pair_id, pair] : component.pairs) pair.inlier_matches.clear();
+  Scene scene;
+  for (const colmap::image_t image_id : component.image_ids) {
+    scene.images[image_id].SetImageId(image_id);
+  }
+  const LengthFilterResult result =
+      FilterByLength({},
+                     scene,
+                     ImageIndex(component.image_ids),
+                     component.rotations,
+                     &component.pairs);
+  EXPECT_EQ(result.num_pairs_filtered, 0);
+  EXPECT_TRUE(result.centers.empty());
 }
 
 TEST(ComponentAveragingOptions, NamesTheInvalidField) {
