@@ -262,8 +262,8 @@ void CompleteComponent(const MappingContext& context,
     }
   }
   FinishModel(context, progress, result, log);
-  const int min_model_size = context.options.min_model_size;
-  if (!success || model.NumRegImages() < size_t(min_model_size)) {
+  const size_t min_model_size = MinModelSize(context);
+  if (!success || model.NumRegImages() < min_model_size) {
     for (const colmap::image_t image_id : model.RegImageIds()) {
       result->unregistered_images[image_id] =
           success ? "its model has fewer than " +
