@@ -116,6 +116,20 @@ void Score(benchmark::State& state) {
 }
 BENCHMARK(Score)->Arg(400)->Arg(2000);
 
+// Samples without depth are scored by their fundamental matrices.
+void ScoreFundamental(benchmark::State& state) {
+  const TwoViewDepthOptions options = NoisyOptions();
+  const TwoViewScene scene = CreateScene(static_cast<int>(state.range(0)), 1);
+  SplitMix64 random(1);
+  const TwoViewProblem problem(scene.input, options, &random);
+  const Eigen::Matrix3d F = scene.truth.FundamentalMatrix();
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(problem.Scorer().Score(F));
+  }
+  state.SetItemsProcessed(state.iterations() * state.range(0));
+}
+BENCHMARK(ScoreFundamental)->Arg(400)->Arg(2000);
+
 // A step of least squares on the inliers with smooth depth errors.
 void RefineStep(benchmark::State& state) {
   const TwoViewDepthOptions options = NoisyOptions();

@@ -30,10 +30,14 @@ FundamentalMatrices SolveSevenPoints(
     Eigen::Map<Eigen::Matrix3d>(system.col(i).data()) = q * p.transpose();
   }
   // The last columns of Q are orthogonal to the rows of the linear system.
-  const Eigen::Matrix<double, 9, 9> Q =
-      Eigen::HouseholderQR<Eigen::Matrix<double, 9, 7>>(system).householderQ();
-  const Eigen::Matrix3d A = Eigen::Map<const Eigen::Matrix3d>(Q.col(7).data());
-  const Eigen::Matrix3d B = Eigen::Map<const Eigen::Matrix3d>(Q.col(8).data());
+  Eigen::Matrix<double, 9, 2> basis = Eigen::Matrix<double, 9, 2>::Zero();
+  basis.bottomRows<2>().setIdentity();
+  basis.applyOnTheLeft(
+      Eigen::HouseholderQR<Eigen::Matrix<double, 9, 7>>(system).householderQ());
+  const Eigen::Matrix3d A =
+      Eigen::Map<const Eigen::Matrix3d>(basis.col(0).data());
+  const Eigen::Matrix3d B =
+      Eigen::Map<const Eigen::Matrix3d>(basis.col(1).data());
   const auto roots = FindRealRoots(Polynomial<4>{A.determinant(),
                                                  DeterminantSlope(A, B),
                                                  DeterminantSlope(B, A),

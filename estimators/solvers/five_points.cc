@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <Eigen/QR>
 
 namespace dgsfm {
@@ -72,8 +71,10 @@ EssentialEntries NullSpace(const std::array<Eigen::Vector2d, 5>& points1,
   return entries;
 }
 
+using Constraints = Eigen::Matrix<double, 10, 20, Eigen::RowMajor>;
+
 // The ten cubic equations, one per row.
-Eigen::Matrix<double, 10, 20> Constraints(const EssentialEntries& E) {
+Constraints CreateConstraints(const EssentialEntries& E) {
   Quadratic squares[3][3];  // E E^T
   for (int i = 0; i < 3; ++i) {
     for (int j = i; j < 3; ++j) {
@@ -87,7 +88,7 @@ Eigen::Matrix<double, 10, 20> Constraints(const EssentialEntries& E) {
   const Quadratic half_trace =
       0.5 * (squares[0][0] + squares[1][1] + squares[2][2]);
   for (int i = 0; i < 3; ++i) squares[i][i] -= half_trace;
-  Eigen::Matrix<double, 10, 20> constraints;
+  Constraints constraints;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       Cubic row = Cubic::Zero();
@@ -108,6 +109,27 @@ Eigen::Matrix<double, 10, 20> Constraints(const EssentialEntries& E) {
   return constraints;
 }
 
+// Eliminates the first ten monomials, but not from the first `begin` rows: the
+// others begin with a row of the identity then. Rows are whole, so that their
+// length is known to the compiler.
+void Eliminate(int begin, Constraints* constraints) {
+  Constraints& rows = *constraints;
+  for (int k = 0; k < 10; ++k) {
+    int pivot = k;
+    for (int i = k + 1; i < 10; ++i) {
+      if (std::abs(rows(i, k)) > std::abs(rows(pivot, k))) pivot = i;
+    }
+    if (pivot != k) rows.row(k).swap(rows.row(pivot));
+    rows.row(k) /= rows(k, k);
+    for (int i = k + 1; i < 10; ++i) {
+      rows.row(i) -= rows(i, k) * rows.row(k);
+    }
+  }
+  for (int k = 9; k > begin; --k) {
+    for (int i = begin; i < k; ++i) rows.row(i) -= rows(i, k) * rows.row(k);
+  }
+}
+
 // An equation x_part(z) x + y_part(z) y + rest(z) = 0.
 struct Equation {
   Polynomial<4> x_part;
@@ -117,9 +139,9 @@ struct Equation {
 
 // Difference row - z next_row of the eliminated rows with leading monomials m z
 // and m.
-Equation Cancel(const Eigen::Matrix<double, 10, 10>& reduced, int row) {
-  const auto a = reduced.row(row);
-  const auto b = reduced.row(row + 1);
+Equation Cancel(const Constraints& eliminated, int row) {
+  const auto a = eliminated.row(row).tail<10>();
+  const auto b = eliminated.row(row + 1).tail<10>();
   return {{a(2), a(1) - b(2), a(0) - b(1), -b(0)},
           {a(5), a(4) - b(5), a(3) - b(4), -b(3)},
           {a(9), a(8) - b(9), a(7) - b(8), a(6) - b(7), -b(6)}};
@@ -131,14 +153,12 @@ EssentialMatrices SolveFivePoints(
     const std::array<Eigen::Vector2d, 5>& points1,
     const std::array<Eigen::Vector2d, 5>& points2) {
   const EssentialEntries entries = NullSpace(points1, points2);
-  const Eigen::Matrix<double, 10, 20> constraints = Constraints(entries);
-  const Eigen::Matrix<double, 10, 10> left = constraints.leftCols<10>();
-  const Eigen::Matrix<double, 10, 10> reduced =
-      left.partialPivLu().solve(constraints.rightCols<10>());
+  Constraints constraints = CreateConstraints(entries);
   // Rows of x2z and x2, y2z and y2, xyz and xy.
-  const Equation k = Cancel(reduced, 4);
-  const Equation l = Cancel(reduced, 6);
-  const Equation m = Cancel(reduced, 8);
+  Eliminate(4, &constraints);
+  const Equation k = Cancel(constraints, 4);
+  const Equation l = Cancel(constraints, 6);
+  const Equation m = Cancel(constraints, 8);
   // Their determinant, by the minors of the last column.
   const auto term =
       [](const Equation& a, const Equation& b, const Equation& c) {

@@ -60,23 +60,28 @@ Polynomial<N - 1> Derivative(const Polynomial<N>& c) {
 template <size_t N>
 double RootBetween(const Polynomial<N>& c, double low, double high) {
   constexpr int kMaxNumSteps = 60;
-  constexpr double kPrecision = 1e-14;
+  // Newton steps square the error: nothing of this is left after the last one.
+  constexpr double kPrecision = 1e-8;
   const Polynomial<N - 1> derivative = Derivative(c);
   const bool rising = Evaluate(c, low) < 0;
   double x = 0.5 * (low + high);
   double last_step = high - low;
   for (int step = 0; step < kMaxNumSteps; ++step) {
     const double value = Evaluate(c, x);
+    const double newton_step = -value / Evaluate(derivative, x);
+    // Rounding may put the root itself on the wrong side of a bound.
+    if (std::abs(newton_step) <= kPrecision * std::abs(x)) {
+      return x + newton_step;
+    }
     ((value < 0) == rising ? low : high) = x;
-    double next = x - value / Evaluate(derivative, x);
+    double next = x + newton_step;
     // Written so that NaN bisects.
     if (!(next > low && next < high &&
-          std::abs(next - x) <= 0.5 * std::abs(last_step))) {
+          std::abs(newton_step) <= 0.5 * std::abs(last_step))) {
       next = 0.5 * (low + high);
     }
     last_step = next - x;
     x = next;
-    if (std::abs(last_step) <= kPrecision * std::abs(x)) break;
   }
   return x;
 }

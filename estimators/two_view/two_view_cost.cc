@@ -33,7 +33,8 @@ void AddRow(const Eigen::Matrix<double, kSize, 1>& row,
   normal->gradient.template head<kSize>() += residual * weighted;
 }
 
-// Sum of robustified squares. Squares are normalised by the truncation.
+// Sum of robustified squares. Squares are normalised by the truncation; sums of
+// logarithms are logarithms of products, which need one logarithm for many.
 class LossSum {
  public:
   LossSum(TwoViewLoss loss, double max_sq_error)
@@ -47,16 +48,24 @@ class LossSum {
       total_ += is_inlier ? sq_error : max_sq_error_;
       return is_inlier ? 1 : 0;
     }
-    total_ += max_sq_error_ * (is_inlier ? std::log1p(ratio) : M_LN2);
+    product_ *= is_inlier ? 1 + ratio : 2;
+    if (product_ > kMaxProduct) {
+      total_ += max_sq_error_ * std::log(product_);
+      product_ = 1;
+    }
     return is_inlier ? 1 / (1 + ratio) : 0;
   }
 
-  double Total() const { return total_; }
+  double Total() const { return total_ + max_sq_error_ * std::log(product_); }
 
  private:
+  // Far enough from the largest number for one more factor.
+  static constexpr double kMaxProduct = 1e100;
+
   const TwoViewLoss loss_;
   const double max_sq_error_;
   double total_ = 0;
+  double product_ = 1;
 };
 
 }  // namespace

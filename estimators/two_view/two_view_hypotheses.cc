@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -147,6 +148,13 @@ TwoViewModel PoseInFront(const Eigen::Matrix3d& F,
                          double focal2,
                          const TwoViewData& data,
                          double max_error_px) {
+  TwoViewData fitting;
+  std::copy_if(data.begin(),
+               data.end(),
+               std::back_inserter(fitting),
+               [&](const TwoViewMatch& match) {
+                 return std::abs(match.Sampson(F)) < max_error_px;
+               });
   // The other three poses have the scene behind a camera.
   const EssentialPoses poses = DecomposeEssentialMatrix(
       Eigen::Vector3d(focal2, focal2, 1).asDiagonal() * F *
@@ -159,9 +167,8 @@ TwoViewModel PoseInFront(const Eigen::Matrix3d& F,
     models[k].focal1 = focal1;
     models[k].focal2 = focal2;
     const Cheirality cheirality(models[k], max_error_px);
-    for (const TwoViewMatch& match : data) {
-      num_in_front[k] += std::abs(match.Sampson(F)) < max_error_px &&
-                         cheirality(match.x1, match.x2);
+    for (const TwoViewMatch& match : fitting) {
+      num_in_front[k] += cheirality(match.x1, match.x2);
     }
   }
   return models[std::max_element(num_in_front.begin(), num_in_front.end()) -

@@ -105,11 +105,10 @@ std::vector<int> TwoViewScorer::Near(const Eigen::Matrix3d& F,
   return near;
 }
 
-template <typename IsInlier>
-TwoViewScore TwoViewScorer::ScoreMatches(const Eigen::Matrix3d& F,
-                                         double max_cost,
-                                         const IsInlier& is_inlier) const {
-  const Eigen::Matrix3f unit_F = UnitMatrix(F);
+TwoViewScore TwoViewScorer::Score(const TwoViewModel& model,
+                                  double max_cost) const {
+  const Eigen::Matrix3f unit_F = UnitMatrix(model.FundamentalMatrix());
+  const Cheirality is_in_front(model, max_error_px_);
   const float max_sq_error = static_cast<float>(max_error_px_ * max_error_px_);
   TwoViewScore score;
   score.cost = 0;
@@ -117,8 +116,9 @@ TwoViewScore TwoViewScorer::ScoreMatches(const Eigen::Matrix3d& F,
     const Values sq_errors = SqErrors(unit_F, begin);
     const int size = std::min(kBlock, NumMatches() - begin);
     for (int k = 0; k < size; ++k) {
+      const TwoViewMatch& match = data_[begin + k];
       // Also if it is not a number.
-      if (!(sq_errors(k) < max_sq_error) || !is_inlier(begin + k)) {
+      if (!(sq_errors(k) < max_sq_error) || !is_in_front(match.x1, match.x2)) {
         score.cost += max_sq_error;
         continue;
       }
@@ -131,17 +131,23 @@ TwoViewScore TwoViewScorer::ScoreMatches(const Eigen::Matrix3d& F,
   return score;
 }
 
-TwoViewScore TwoViewScorer::Score(const TwoViewModel& model,
-                                  double max_cost) const {
-  const Cheirality is_in_front(model, max_error_px_);
-  return ScoreMatches(model.FundamentalMatrix(), max_cost, [&](int i) {
-    return is_in_front(data_[i].x1, data_[i].x2);
-  });
-}
-
 TwoViewScore TwoViewScorer::Score(const Eigen::Matrix3d& F,
                                   double max_cost) const {
-  return ScoreMatches(F, max_cost, [](int) { return true; });
+  const Eigen::Matrix3f unit_F = UnitMatrix(F);
+  const float max_sq_error = static_cast<float>(max_error_px_ * max_error_px_);
+  TwoViewScore score;
+  score.cost = 0;
+  for (int begin = 0; begin < NumMatches(); begin += kBlock) {
+    Values costs = SqErrors(unit_F, begin).min(max_sq_error);
+    const int num_padding = std::max(0, begin + kBlock - NumMatches());
+    costs.tail(num_padding).setConstant(max_sq_error);
+    for (int k = 0; k < kBlock; ++k) {
+      score.num_inliers += costs(k) < max_sq_error;
+    }
+    score.cost += costs.sum() - num_padding * max_sq_error;
+    if (score.cost > max_cost) return {};
+  }
+  return score;
 }
 
 }  // namespace dgsfm

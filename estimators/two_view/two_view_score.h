@@ -60,11 +60,6 @@ class TwoViewScorer {
 
   // Squared Sampson errors of the matches of a block.
   Values SqErrors(const Eigen::Matrix3f& F, int begin) const;
-  template <typename IsInlier>
-  TwoViewScore ScoreMatches(const Eigen::Matrix3d& F,
-                            double max_cost,
-                            const IsInlier& is_inlier) const;
-
   int NumMatches() const { return static_cast<int>(data_.size()); }
 
   const TwoViewData& data_;

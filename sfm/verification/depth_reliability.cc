@@ -1,5 +1,6 @@
 #include "sfm/verification/depth_reliability.h"
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -22,26 +23,34 @@ bool Confirms(const PairGeometry& pair) {
 }  // namespace
 
 std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs) {
-  std::map<colmap::image_t, int> confirmations;
-  std::map<colmap::image_t, std::set<colmap::image_t>> contradictions;
+  using Images = std::set<colmap::image_t>;
+  std::map<colmap::image_t, Images> confirmations;
+  std::map<colmap::image_t, Images> contradictions;
   for (const auto& [pair_id, pair] : pairs) {
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
     if (Confirms(pair)) {
-      ++confirmations[image_id1];
-      ++confirmations[image_id2];
+      confirmations[image_id1].insert(image_id2);
+      confirmations[image_id2].insert(image_id1);
     } else if (pair.status == PairStatus::DEPTH_INCONSISTENT) {
       contradictions[image_id1].insert(image_id2);
       contradictions[image_id2].insert(image_id1);
     }
   }
+  std::vector<colmap::image_t> doubtful;
+  for (const auto& [image_id, others] : contradictions) {
+    if (int(others.size()) >= kMinNumContradictions) {
+      doubtful.push_back(image_id);
+    }
+  }
   // One at a time: a bad map also contradicts good ones, which are cleared once
   // it is gone.
-  std::set<colmap::image_t> unreliable;
+  Images unreliable;
   while (true) {
     int worst_excess = 0;
     colmap::image_t worst = colmap::kInvalidImageId;
     for (const auto& [image_id, others] : contradictions) {
-      const int excess = int(others.size()) - confirmations[image_id];
+      const int excess =
+          int(others.size()) - int(confirmations[image_id].size());
       if (int(others.size()) >= kMinNumContradictions &&
           excess > worst_excess) {
         worst_excess = excess;
@@ -54,6 +63,17 @@ std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs) {
       contradictions[other].erase(worst);
     }
     contradictions.erase(worst);
+  }
+  // Where all maps are bad, the last ones are left without contradictions, and
+  // without any that confirms them.
+  for (const colmap::image_t image_id : doubtful) {
+    const Images& others = confirmations[image_id];
+    if (std::includes(unreliable.begin(),
+                      unreliable.end(),
+                      others.begin(),
+                      others.end())) {
+      unreliable.insert(image_id);
+    }
   }
   return {unreliable.begin(), unreliable.end()};
 }

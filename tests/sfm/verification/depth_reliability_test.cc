@@ -29,6 +29,7 @@ TEST(DepthReliability, MapThatMostPairsContradictIsOut) {
     pairs[PairIdOfImages(image_id, 9)] = Contradiction();
   }
   pairs[PairIdOfImages(4, 5)] = Confirmation();
+  pairs[PairIdOfImages(1, 4)] = Confirmation();
   // The pairs of image 9 speak against 1, 2 and 3 once each, which is not
   // enough, and not at all once the map of 9 is out.
   pairs[PairIdOfImages(1, 5)] = Contradiction();
@@ -68,6 +69,18 @@ TEST(DepthReliability, UncertainScaleConfirmsNothing) {
     pairs[PairIdOfImages(1, image_id)] = pair;
   }
   EXPECT_THAT(FindUnreliableDepths(pairs), ElementsAre(1));
+}
+
+// Unrelated maps of all images: the pairs of the last ones have no depth to
+// contradict once the others are gone.
+TEST(DepthReliability, NoMapStaysWhereAllContradictEachOther) {
+  PairGeometries pairs;
+  for (colmap::image_t image_id = 1; image_id <= 5; ++image_id) {
+    for (colmap::image_t other = image_id + 1; other <= 5; ++other) {
+      pairs[PairIdOfImages(image_id, other)] = Contradiction();
+    }
+  }
+  EXPECT_THAT(FindUnreliableDepths(pairs), ElementsAre(1, 2, 3, 4, 5));
 }
 
 }  // namespace
