@@ -86,7 +86,7 @@ ModelInProgress CreateProgress(const MappingContext& context,
   ModelInProgress progress;
   progress.cameras = CamerasOf(context.scene, image_ids);
   progress.beliefs = context.camera_beliefs;
-  progress.final_loss_scale_px =
+  progress.final_loss_scales.soft_l1_px =
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
   progress.rigs.frames = context.frames;
