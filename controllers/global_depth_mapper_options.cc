@@ -119,7 +119,8 @@ void BindMapper(DepthGlobalMapperOptions* options,
   group
       .Add("min_model_size",
            &options->min_model_size,
-           "models with fewer images are not written")
+           "models with fewer images are not written, unless the database has "
+           "fewer")
       .Add("refine_sensor_from_rig",
            &options->refine_sensor_from_rig,
            "whether known poses of cameras in their rigs are refined; unknown "

@@ -140,7 +140,7 @@ void MapComponents(const MappingContext& context,
   for (size_t i = 0; i < components.size(); ++i) {
     // A copy: parts that are cut off are appended below, which moves the list.
     const ImageIds image_ids = components[i];
-    if (image_ids.size() < size_t(options.min_model_size)) {
+    if (image_ids.size() < MinModelSize(context)) {
       SetReason(image_ids,
                 "connected to only " + std::to_string(image_ids.size() - 1) +
                     " other images",

@@ -24,7 +24,8 @@ struct DepthGlobalMapperOptions {
   GeoreferencingOptions georeferencing;
   PartJoiningOptions part_joining;
 
-  // Components and models with fewer images are left out.
+  // Components and models with fewer images are left out, unless the whole
+  // scene has fewer.
   int min_model_size = 3;
   // Whether every component becomes a model, or only the largest.
   bool multiple_models = true;

@@ -22,6 +22,10 @@ struct MappingContext {
   const CameraBeliefs& camera_beliefs;
 };
 
+// Images that a model must have: those that the options ask for, or all of a
+// smaller scene, at least two.
+size_t MinModelSize(const MappingContext& context);
+
 // What stages report while they run.
 struct MappingLog {
   std::vector<StageReport> stages;

@@ -60,9 +60,11 @@ std::vector<colmap::point2D_t> OrderToGive(
   return indices;
 }
 
-// Images with more key points than are to be used, by id.
+// Images of the scene with more key points than are to be used, by id.
 std::vector<colmap::image_t> ImagesWithManyKeypoints(
-    const SqliteConnection& connection, size_t max_num_keypoints) {
+    const SqliteConnection& connection,
+    const Scene& scene,
+    size_t max_num_keypoints) {
   SqliteStatement select(
       connection,
       "SELECT image_id FROM keypoints JOIN images "
@@ -70,7 +72,8 @@ std::vector<colmap::image_t> ImagesWithManyKeypoints(
       std::min<size_t>(max_num_keypoints, std::numeric_limits<int>::max()));
   std::vector<colmap::image_t> image_ids;
   while (select.Step()) {
-    image_ids.push_back(static_cast<colmap::image_t>(select.Int(0)));
+    const auto image_id = static_cast<colmap::image_t>(select.Int(0));
+    if (scene.images.count(image_id) > 0) image_ids.push_back(image_id);
   }
   return image_ids;
 }
@@ -175,7 +178,7 @@ KeptKeypoints SelectKeypoints(const SqliteConnection& connection,
                               const Scene& scene,
                               size_t max_num_keypoints) {
   const std::vector<colmap::image_t> image_ids =
-      ImagesWithManyKeypoints(connection, max_num_keypoints);
+      ImagesWithManyKeypoints(connection, scene, max_num_keypoints);
   if (image_ids.empty()) return {};
   MatchReader reader(connection, scene);
   std::map<colmap::image_t, std::vector<colmap::image_pair_t>> pairs;

@@ -37,8 +37,8 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
   using Base = PointProblem<2, kPose + kNumShared>;
   using Row = typename Base::Row;
 
-  BundleProblem(double loss_scale_px, Bundle* bundle)
-      : squared_loss_scale_(loss_scale_px * loss_scale_px), bundle_(bundle) {
+  BundleProblem(const RobustLoss& loss, Bundle* bundle)
+      : loss_(loss), bundle_(bundle) {
     SortObservations();
     AssignColumns();
     UpdatePoses();
@@ -49,9 +49,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     if (!Project(k, &xy_px, nullptr)) {
       return std::numeric_limits<double>::infinity();
     }
-    const double squared_error = (xy_px - Observation(k).xy_px).squaredNorm();
-    return squared_loss_scale_ *
-           (std::sqrt(1 + squared_error / squared_loss_scale_) - 1);
+    return loss_.Cost((xy_px - Observation(k).xy_px).squaredNorm());
   }
 
   void Linearize(int k, Row* row) const override {
@@ -63,9 +61,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     Project(k, &xy_px, &jacobian);
     Eigen::Vector2d residual = xy_px - observation.xy_px;
     // Ceres's correction for losses of negative curvature.
-    const double weight =
-        1 /
-        std::sqrt(std::sqrt(1 + residual.squaredNorm() / squared_loss_scale_));
+    const double weight = loss_.RootWeight(residual.squaredNorm());
     row->residual = weight * residual;
     jacobian.point *= weight;
     row->by_camera.template bottomRows<kNumShared>().setZero();
@@ -351,7 +347,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     }
   }
 
-  const double squared_loss_scale_;
+  const RobustLoss loss_;
   Bundle* bundle_;
   std::vector<ProjectionFunction> projections_;
   // Column of each parameter of each camera, -1 where it is held.
@@ -366,7 +362,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
 }  // namespace
 
 PointMinimizerSummary SolveBundle(const PointMinimizerOptions& options,
-                                  double loss_scale_px,
+                                  const RobustLoss& loss,
                                   Bundle* bundle) {
   size_t num_intrinsics = 0;
   for (const BundleCamera& camera : bundle->cameras) {
@@ -378,19 +374,18 @@ PointMinimizerSummary SolveBundle(const PointMinimizerOptions& options,
   if (std::any_of(bundle->sensors.begin(),
                   bundle->sensors.end(),
                   [](const auto& s) { return s.is_refined; })) {
-    return solve(
-        BundleProblem<kMaxNumCameraParams + kPose>(loss_scale_px, bundle));
+    return solve(BundleProblem<kMaxNumCameraParams + kPose>(loss, bundle));
   }
   if (num_intrinsics <= 2) {
-    return solve(BundleProblem<2>(loss_scale_px, bundle));
+    return solve(BundleProblem<2>(loss, bundle));
   }
   if (num_intrinsics <= 4) {
-    return solve(BundleProblem<4>(loss_scale_px, bundle));
+    return solve(BundleProblem<4>(loss, bundle));
   }
   if (num_intrinsics <= 8) {
-    return solve(BundleProblem<8>(loss_scale_px, bundle));
+    return solve(BundleProblem<8>(loss, bundle));
   }
-  return solve(BundleProblem<kMaxNumCameraParams>(loss_scale_px, bundle));
+  return solve(BundleProblem<kMaxNumCameraParams>(loss, bundle));
 }
 
 }  // namespace dgsfm

@@ -5,6 +5,7 @@
 #include "colmap_ext/rigid3.h"
 #include "estimators/optimization/center_prior.h"
 #include "estimators/optimization/point_minimizer.h"
+#include "estimators/optimization/robust_loss.h"
 
 #include <array>
 #include <limits>
@@ -82,11 +83,10 @@ struct Bundle {
 };
 
 // Minimises sum_k rho(|x_k - pi(P_k X_k)|^2) / 2 over the poses, points and
-// refined parameters of a bundle, with the soft L1 loss
-// rho(s) = 2 a^2 (sqrt(1 + s / a^2) - 1) of scale a = loss_scale_px [px]. Poses
-// move by cam_from_world = (exp(w) R, t + dt). Images of a frame have
-// cam_from_world = cam_from_rig * rig_from_world, of which the second pose, and
-// the first where it is refined, move in that way instead.
+// refined parameters of a bundle, with a loss rho of errors in px. Poses move
+// by cam_from_world = (exp(w) R, t + dt). Images of a frame have cam_from_world
+// = cam_from_rig * rig_from_world, of which the second pose, and the first
+// where it is refined, move in that way instead.
 //
 // Each prior adds rho(sum_i ((p_i - mean_i) / stddev_per_px_i)^2) / 2 with the
 // Cauchy loss of its scale. Prior centres add their costs, see
@@ -96,7 +96,7 @@ struct Bundle {
 // centre or a start is not finite. Throws on indices out of range. The same
 // for any number of threads.
 PointMinimizerSummary SolveBundle(const PointMinimizerOptions& options,
-                                  double loss_scale_px,
+                                  const RobustLoss& loss,
                                   Bundle* bundle);
 
 }  // namespace dgsfm

@@ -30,6 +30,15 @@ constexpr double kLossScalePerError = 1.5;
 // ... at least, of the largest one: the errors of exact key points are
 // rounding.
 constexpr double kMinLossScaleRatio = 0.1;
+// Share of the errors whose largest shows how heavy their tails are, ...
+constexpr double kTailShare = 0.9;
+// ... and how large that is from which the tails are too heavy for the soft L1
+// loss [median error]. Student's t distribution in the plane has 3.0 with two
+// degrees of freedom, the most with which there is no variance.
+constexpr double kHeavyTailRatio = 3.1;
+// Images that see a point whose errors show their tails: two adapt the point so
+// much that of four coordinates one is left.
+constexpr size_t kMinNumViewsOfTail = 3;
 
 // The arrays of a model, and back.
 class ModelBundle {
@@ -99,7 +108,7 @@ class ModelBundle {
                               ? 1
                               : EffectiveNumThreads(num_threads);
     const PointMinimizerSummary summary =
-        SolveBundle(options, options_.loss_scale_px, &bundle_);
+        SolveBundle(options, Loss(), &bundle_);
     if (!summary.success) return std::nullopt;
     VLOG(1) << "Bundle adjustment: " << summary.num_iterations
             << " iterations, cost " << summary.initial_cost << " to "
@@ -109,6 +118,13 @@ class ModelBundle {
   }
 
  private:
+  RobustLoss Loss() const {
+    if (options_.cauchy_scale_px) {
+      return {RobustLoss::Type::CAUCHY, *options_.cauchy_scale_px};
+    }
+    return {RobustLoss::Type::SOFT_L1, options_.loss_scale_px};
+  }
+
   // The held parts of the pose that an image moves by.
   std::array<bool, 6>& ConstantPartsOf(BundleImage* image) {
     return image->frame < 0 ? image->is_constant
@@ -263,22 +279,13 @@ class ModelBundle {
   Bundle bundle_;
 };
 
-}  // namespace
-
-bool BundleAdjustmentOptions::IsValid(std::string* error) const {
-  return OptionBounds(error)
-      .AtLeast("max_num_iterations", max_num_iterations, 1)
-      .AtLeast("function_tolerance", function_tolerance, 0)
-      .Above("loss_scale_px", loss_scale_px, 0)
-      .Valid(intrinsics)
-      .AreKept();
-}
-
-double AdaptedLossScale(const BundleAdjustmentOptions& options,
-                        const colmap::Reconstruction& model) {
+// Errors at the points of so many images at least [px].
+std::vector<double> ReprojectionErrors(const colmap::Reconstruction& model,
+                                       size_t min_num_views) {
   std::vector<double> errors_px;
   for (const colmap::point3D_t point_id : SortedPoints(model)) {
     const colmap::Point3D& point = model.Point3D(point_id);
+    if (point.Track().Length() < min_num_views) continue;
     for (const colmap::TrackElement& element : point.Track().Elements()) {
       const Eigen::Vector3d in_cam =
           CamFromWorld(model.Image(element.image_id)) * point.XYZ();
@@ -286,10 +293,41 @@ double AdaptedLossScale(const BundleAdjustmentOptions& options,
       errors_px.push_back(ReprojectionError(model, element, in_cam));
     }
   }
-  if (errors_px.empty()) return options.loss_scale_px;
-  return std::clamp(kLossScalePerError * Median(errors_px),
-                    kMinLossScaleRatio * options.loss_scale_px,
-                    options.loss_scale_px);
+  return errors_px;
+}
+
+}  // namespace
+
+bool BundleAdjustmentOptions::IsValid(std::string* error) const {
+  return OptionBounds(error)
+      .AtLeast("max_num_iterations", max_num_iterations, 1)
+      .AtLeast("function_tolerance", function_tolerance, 0)
+      .Above("loss_scale_px", loss_scale_px, 0)
+      .Above("cauchy_scale_px", cauchy_scale_px.value_or(1), 0)
+      .Valid(intrinsics)
+      .AreKept();
+}
+
+LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
+                             const colmap::Reconstruction& model) {
+  const std::vector<double> errors_px = ReprojectionErrors(model, 2);
+  if (errors_px.empty()) return {options.loss_scale_px, std::nullopt};
+  const double min_scale_px = kMinLossScaleRatio * options.loss_scale_px;
+  LossScales scales;
+  scales.soft_l1_px = std::clamp(kLossScalePerError * Median(errors_px),
+                                 min_scale_px,
+                                 options.loss_scale_px);
+  const std::vector<double> judged_px =
+      ReprojectionErrors(model, kMinNumViewsOfTail);
+  if (2 * judged_px.size() < errors_px.size()) return scales;
+  const double median_px = Median(judged_px);
+  const double tail_px = Quantile(judged_px, kTailShare);
+  VLOG(1) << "Reprojection errors: median " << median_px << " px, 90 % below "
+          << tail_px << " px";
+  if (tail_px > kHeavyTailRatio * median_px) {
+    scales.cauchy_px = std::max(median_px, min_scale_px);
+  }
+  return scales;
 }
 
 std::optional<double> AdjustBundle(const BundleAdjustmentOptions& options,

@@ -26,8 +26,11 @@ struct BundleAdjustmentOptions {
   double function_tolerance = 1e-5;
   // Residual from which the soft L1 loss grows linearly [px]; the mapper's
   // final adjustments use less where key points are accurate, see
-  // AdaptedLossScale.
+  // AdaptedLossScales.
   double loss_scale_px = 0.5;
+  // Scale of a Cauchy loss in place of the soft L1 loss [px]. Not for users:
+  // final adjustments have one where the errors ask for it.
+  std::optional<double> cauchy_scale_px;
   IntrinsicsPriorOptions intrinsics;
 
   bool IsValid(std::string* error) const;
@@ -51,13 +54,23 @@ struct CenterPriors {
   double loss_scale = 2;
 };
 
-// Loss scale for a model as it is [px]: 1.5 times the median reprojection
-// error, at least a tenth of that of the options and at most that. Errors of
-// key points have long tails. That of the options for a model without points.
-double AdaptedLossScale(const BundleAdjustmentOptions& options,
-                        const colmap::Reconstruction& model);
+// Scales of the loss for a model as it is.
+struct LossScales {
+  double soft_l1_px = 0;
+  // Of the Cauchy loss in its place, if the errors ask for that.
+  std::optional<double> cauchy_px;
+};
 
-// Minimises the soft-L1 reprojection errors of all observations and the squared
+// The soft L1 loss has 1.5 times the median reprojection error, at least a
+// tenth of the scale of the options and at most that: errors of key points have
+// long tails. Where their 90th percentile is more than 3.1 times the median, a
+// Cauchy loss of the median takes its place; that is judged by the points of
+// three or more images, if these have most of the observations. The scale of
+// the options for a model without points.
+LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
+                             const colmap::Reconstruction& model);
+
+// Minimises the robust reprojection errors of all observations and the squared
 // deviations of intrinsics from what is believed (priors, and the means of the
 // groups) over poses, points, intrinsics and means. Images of a frame move
 // together. Prior centres, of which there must be three if any, add their costs

@@ -96,7 +96,7 @@ ModelInProgress CreateProgress(const MappingContext& context,
   ModelInProgress progress;
   progress.cameras = CamerasOf(context.scene, image_ids);
   progress.beliefs = context.camera_beliefs;
-  progress.final_loss_scale_px =
+  progress.final_loss_scales.soft_l1_px =
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
   progress.rigs.frames = context.frames;
@@ -273,8 +273,8 @@ void CompleteComponent(const MappingContext& context,
     }
   }
   FinishModel(context, progress, result, log);
-  const int min_model_size = context.options.min_model_size;
-  if (!success || model.NumRegImages() < size_t(min_model_size)) {
+  const size_t min_model_size = MinModelSize(context);
+  if (!success || model.NumRegImages() < min_model_size) {
     for (const colmap::image_t image_id : model.RegImageIds()) {
       result->unregistered_images[image_id] =
           success ? "its model has fewer than " +

@@ -173,8 +173,8 @@ void CalibrateCameras(const MappingContext& context,
                       MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
   if (!options.skip_loss_adaptation) {
-    progress->final_loss_scale_px =
-        AdaptedLossScale(options.refinement.bundle_adjustment, progress->model);
+    progress->final_loss_scales = AdaptedLossScales(
+        options.refinement.bundle_adjustment, progress->model);
   }
   if (options.skip_self_calibration) return;
   StageTimer timer("self_calibration");
@@ -252,7 +252,8 @@ BundleAdjustmentOptions FinalAdjustment(const MappingContext& context,
                                         const ModelInProgress& progress) {
   const DepthGlobalMapperOptions& options = context.options;
   BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
-  adjustment.loss_scale_px = progress.final_loss_scale_px;
+  adjustment.loss_scale_px = progress.final_loss_scales.soft_l1_px;
+  adjustment.cauchy_scale_px = progress.final_loss_scales.cauchy_px;
   adjustment.intrinsics.refine_principal_point =
       options.refinement.refine_principal_point &&
       !options.skip_self_calibration;

@@ -29,8 +29,8 @@ struct ModelInProgress {
   // Whether the rays of its tracks hardly differ, so that a principal point off
   // by a pixel moves centres as far as they are apart.
   bool has_little_parallax = false;
-  // Residual from which the loss of the final adjustments grows linearly [px].
-  double final_loss_scale_px = 0;
+  // Those of the final adjustments.
+  LossScales final_loss_scales;
 };
 
 // Returns a model with first positions, the same each time.

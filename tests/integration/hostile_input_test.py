@@ -137,7 +137,7 @@ def run(folder, command, *arguments):
     before = snapshot(folder)
     result = subprocess.run(
         [COLMAP, command, *map(str, arguments)],
-        capture_output=True, cwd=out, check=False, timeout=120,
+        capture_output=True, cwd=out, check=False, timeout=600,
     )  # fmt: skip
     message = f"{command}: {result.returncode}\n{result.stderr.decode(errors='replace')}"
     assert result.returncode in (0, 1, 2), message

@@ -545,6 +545,31 @@ TEST(GlobalMapping, EveryComponentBecomesAModel) {
   EXPECT_EQ(largest.result.unregistered_images.size(), 10);
 }
 
+TEST(GlobalMapping, SceneOfTwoImagesBecomesAModel) {
+  SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  synthetic.images.erase(synthetic.images.upper_bound(2),
+                         synthetic.images.end());
+  const colmap::image_pair_t pair_id = PairIdOfImages(1, 2);
+  synthetic.pairs = {{pair_id, synthetic.pairs.at(pair_id)}};
+  for (const bool use_depth : {false, true}) {
+    const Outcome outcome = MapSynthetic(synthetic, {}, use_depth);
+    ASSERT_EQ(outcome.result.models.size(), 1);
+    EXPECT_EQ(outcome.metrics.num_registered, 2);
+    EXPECT_LT(MaxError(outcome.metrics), 1);
+    EXPECT_EQ(outcome.result.depth_scales.size(), use_depth ? 2 : 0);
+  }
+}
+
+TEST(GlobalMapping, TwoOfManyImagesAreNoModel) {
+  SyntheticScene synthetic = SynthesizeScene(SmallRing());
+  const colmap::image_pair_t pair_id = PairIdOfImages(1, 2);
+  synthetic.pairs = {{pair_id, synthetic.pairs.at(pair_id)}};
+  const Outcome outcome = MapSynthetic(synthetic);
+  EXPECT_TRUE(outcome.result.models.empty());
+  EXPECT_EQ(outcome.result.unregistered_images.at(1),
+            "connected to only 1 other images");
+}
+
 TEST(GlobalMapping, EveryStageCanBeSwitchedOff) {
   const SyntheticScene synthetic = SynthesizeScene(SmallRing());
   using Options = DepthGlobalMapperOptions;

@@ -136,6 +136,19 @@ TEST_F(SceneWithFewKeypoints, KeepsThePositionsThatMatchesReferTo) {
   }
 }
 
+TEST_F(SceneWithFewKeypoints, HasTheListedImagesAlone) {
+  std::set<std::string> names;
+  for (const colmap::image_t image_id : {1, 3, 4}) {
+    names.insert(all_.images.at(image_id).Name());
+  }
+  const Scene scene = ReadPartOfScene(path_, 60, names);
+  EXPECT_EQ(scene.images.size(), 3);
+  EXPECT_FALSE(scene.kept_keypoints.empty());
+  for (const auto& [image_id, kept] : scene.kept_keypoints) {
+    EXPECT_EQ(scene.images.at(image_id).NumPoints2D(), kept.size());
+  }
+}
+
 TEST_F(SceneWithFewKeypoints, CachedFeaturesAreThoseOfTheDatabase) {
   // Room for one image at a time.
   FeatureCache cache(path_, all_, /*use_depth=*/true, 300);

@@ -16,7 +16,7 @@
 namespace dgsfm {
 namespace {
 
-constexpr double kLossScalePx = 0.5;
+constexpr RobustLoss kLoss = {RobustLoss::Type::SOFT_L1, 0.5};
 
 struct SceneOptions {
   bool share_camera = false;
@@ -93,7 +93,7 @@ double MaxPointError(const Bundle& a, const Bundle& b) {
 }
 
 // The same cost by COLMAP's cost functions and Ceres.
-double CeresCost(Bundle bundle) {
+double CeresCost(const RobustLoss& loss, Bundle bundle) {
   ceres::Problem problem;
   std::vector<Eigen::Vector4d> qvecs;
   for (BundleImage& image : bundle.images) {
@@ -104,7 +104,10 @@ double CeresCost(Bundle bundle) {
     problem.AddResidualBlock(
         colmap::BundleAdjustmentCostFunction<
             colmap::SimpleRadialCameraModel>::Create(observation.xy_px),
-        new ceres::SoftLOneLoss(kLossScalePx),
+        loss.type == RobustLoss::Type::CAUCHY
+            ? static_cast<ceres::LossFunction*>(
+                  new ceres::CauchyLoss(loss.scale))
+            : new ceres::SoftLOneLoss(loss.scale),
         qvecs[observation.image].data(),
         image.cam_from_world.translation.data(),
         bundle.points[observation.point].data(),
@@ -136,7 +139,7 @@ TEST(BundleSolver, ExactObservationsGiveTheTruth) {
     const Bundle truth = TrueBundle({share_camera, 0});
     Bundle bundle = Disturbed(truth);
     const PointMinimizerSummary summary =
-        SolveBundle(Converging(), kLossScalePx, &bundle);
+        SolveBundle(Converging(), kLoss, &bundle);
     EXPECT_TRUE(summary.success);
     // Converged to rounding, quadratically.
     EXPECT_LT(summary.final_cost, 1e-12);
@@ -147,14 +150,18 @@ TEST(BundleSolver, ExactObservationsGiveTheTruth) {
 }
 
 TEST(BundleSolver, ReachesTheMinimumThatCeresReaches) {
-  for (const bool share_camera : {false, true}) {
-    Bundle bundle = Disturbed(TrueBundle({share_camera, 1.0}));
-    const double expected = CeresCost(bundle);
-    const PointMinimizerSummary summary =
-        SolveBundle(Converging(), kLossScalePx, &bundle);
-    EXPECT_GT(summary.initial_cost, 2 * expected);
-    // Both stop within their tolerance per iteration of a slow descent.
-    EXPECT_NEAR(summary.final_cost, expected, 1e-6 * expected);
+  using Type = RobustLoss::Type;
+  for (const Type type : {Type::SOFT_L1, Type::CAUCHY}) {
+    for (const bool share_camera : {false, true}) {
+      const RobustLoss loss = {type, type == Type::SOFT_L1 ? 0.5 : 2.0};
+      Bundle bundle = Disturbed(TrueBundle({share_camera, 1.0}));
+      const double expected = CeresCost(loss, bundle);
+      const PointMinimizerSummary summary =
+          SolveBundle(Converging(), loss, &bundle);
+      EXPECT_GT(summary.initial_cost, 2 * expected);
+      // Both stop within their tolerance per iteration of a slow descent.
+      EXPECT_NEAR(summary.final_cost, expected, 1e-6 * expected);
+    }
   }
 }
 
@@ -176,7 +183,7 @@ TEST(BundleSolver, WrongPointsDoNotHoldUpTheCameras) {
       bundle.observations.push_back({j, int(bundle.points.size()) - 1, xy_px});
     }
   }
-  const PointMinimizerSummary summary = SolveBundle({}, kLossScalePx, &bundle);
+  const PointMinimizerSummary summary = SolveBundle({}, kLoss, &bundle);
   EXPECT_TRUE(summary.converged);
   EXPECT_LT(summary.num_iterations, 50);
 }
@@ -216,11 +223,9 @@ TEST(BundleSolver, ConjugateGradientsReachTheSameMinimum) {
   Bundle direct = Street();
   Bundle iterative = direct;
   PointMinimizerOptions options = Converging();
-  const double expected =
-      SolveBundle(options, kLossScalePx, &direct).final_cost;
+  const double expected = SolveBundle(options, kLoss, &direct).final_cost;
   options.max_num_factor_entries = 1000;
-  const PointMinimizerSummary summary =
-      SolveBundle(options, kLossScalePx, &iterative);
+  const PointMinimizerSummary summary = SolveBundle(options, kLoss, &iterative);
   EXPECT_TRUE(summary.converged);
   // Steps that solve their equations to 1e-6 only slow convergence down.
   EXPECT_NEAR(summary.final_cost, expected, 1e-6 * expected);
@@ -232,7 +237,7 @@ TEST(BundleSolver, ConjugateGradientsReachTheSameMinimum) {
 TEST(BundleSolver, ConstantParametersStay) {
   Bundle bundle = Disturbed(TrueBundle({}));
   const Bundle start = bundle;
-  SolveBundle(Converging(), kLossScalePx, &bundle);
+  SolveBundle(Converging(), kLoss, &bundle);
   EXPECT_EQ(bundle.images[0].cam_from_world.rotation.coeffs(),
             start.images[0].cam_from_world.rotation.coeffs());
   EXPECT_EQ(bundle.images[0].cam_from_world.translation,
@@ -244,15 +249,15 @@ TEST(BundleSolver, ConstantParametersStay) {
 TEST(BundleSolver, DoesNotDependOnThreads) {
   Bundle one = Disturbed(TrueBundle({true, 1.0}));
   Bundle three = one;
-  SolveBundle(Converging(1), kLossScalePx, &one);
-  SolveBundle(Converging(3), kLossScalePx, &three);
+  SolveBundle(Converging(1), kLoss, &one);
+  SolveBundle(Converging(3), kLoss, &three);
   EXPECT_EQ(MaxPointError(one, three), 0);
 }
 
 TEST(BundleSolver, StrongPriorHoldsTheFocalLength) {
   Bundle bundle = Disturbed(TrueBundle({true, 0.5}));
   bundle.priors = {{0, {{0, 507, 1e-6}}}};
-  SolveBundle(Converging(), kLossScalePx, &bundle);
+  SolveBundle(Converging(), kLoss, &bundle);
   EXPECT_NEAR(bundle.cameras[0].params[0], 507, 1e-3);
 }
 
@@ -263,9 +268,9 @@ TEST(BundleSolver, TracksMayMeetAnImageTwice) {
   for (size_t k = 0; k < once.observations.size(); k += 5) {
     twice.observations.push_back(once.observations[k]);
   }
-  const double expected = CeresCost(twice);
+  const double expected = CeresCost(kLoss, twice);
   const PointMinimizerSummary summary =
-      SolveBundle(Converging(), kLossScalePx, &twice);
+      SolveBundle(Converging(), kLoss, &twice);
   EXPECT_NEAR(summary.final_cost, expected, 1e-6 * expected);
 }
 
@@ -274,14 +279,14 @@ TEST(BundleSolver, PointInThePlaneOfACenterFails) {
   const Rigid3d& pose = bundle.images[0].cam_from_world;
   bundle.points[1] = pose.TargetOriginInSource();
   const Bundle start = bundle;
-  EXPECT_FALSE(SolveBundle(Converging(), kLossScalePx, &bundle).success);
+  EXPECT_FALSE(SolveBundle(Converging(), kLoss, &bundle).success);
   EXPECT_EQ(MaxPointError(bundle, start), 0);
 }
 
 TEST(BundleSolver, IndexOutOfRangeThrows) {
   Bundle bundle = TrueBundle({});
   bundle.observations[0].point = 60;
-  EXPECT_THROW(SolveBundle(Converging(), kLossScalePx, &bundle),
+  EXPECT_THROW(SolveBundle(Converging(), kLoss, &bundle),
                std::invalid_argument);
 }
 
@@ -330,7 +335,7 @@ Bundle DisturbedFrames(Bundle bundle) {
 TEST(SolveBundle, FramesKeepTheirShapeAndFixTheScale) {
   const Bundle truth = TrueRigBundle();
   Bundle bundle = DisturbedFrames(truth);
-  ASSERT_TRUE(SolveBundle(Converging(), kLossScalePx, &bundle).success);
+  ASSERT_TRUE(SolveBundle(Converging(), kLoss, &bundle).success);
   // Exact data: what is left is that of the solver's tolerance.
   EXPECT_LT(MaxPointError(bundle, truth), 1e-5);
   for (size_t i = 0; i < bundle.images.size(); ++i) {
@@ -352,7 +357,7 @@ TEST(SolveBundle, RefinesSensors) {
   // Without a known baseline the scale is free.
   bundle.frames.back().rig_from_world = truth.frames.back().rig_from_world;
   bundle.frames.back().is_constant[5] = true;
-  ASSERT_TRUE(SolveBundle(Converging(), kLossScalePx, &bundle).success);
+  ASSERT_TRUE(SolveBundle(Converging(), kLoss, &bundle).success);
   EXPECT_LT(MaxPointError(bundle, truth), 1e-5);
   EXPECT_LT((bundle.sensors[1].cam_from_rig.translation -
              truth.sensors[1].cam_from_rig.translation)
@@ -378,7 +383,7 @@ TEST(SolveBundle, CentersHoldImagesInTheirFrame) {
   Bundle bundle = Disturbed(truth);
   for (BundleImage& image : bundle.images) image.is_constant = {};
   AddTruePriors(truth, &bundle);
-  ASSERT_TRUE(SolveBundle(Converging(), kLossScalePx, &bundle).success);
+  ASSERT_TRUE(SolveBundle(Converging(), kLoss, &bundle).success);
   EXPECT_LT(MaxPointError(bundle, truth), 1e-4);
 }
 
@@ -391,7 +396,7 @@ TEST(SolveBundle, CentersHoldFramesAndSensors) {
     bundle.sensors[1].is_refined = refine_sensor;
     if (refine_sensor) bundle.sensors[1].cam_from_rig.translation.y() += 0.05;
     AddTruePriors(truth, &bundle);
-    ASSERT_TRUE(SolveBundle(Converging(), kLossScalePx, &bundle).success);
+    ASSERT_TRUE(SolveBundle(Converging(), kLoss, &bundle).success);
     EXPECT_LT(MaxPointError(bundle, truth), 1e-4) << refine_sensor;
   }
 }
