@@ -63,8 +63,13 @@ AveragedPositions AverageAndFilter(const MappingContext& context,
   scale_timer.Finish(&log->stages);
   if (options.skip_translation_averaging) return {scales.scales, {}};
   StageTimer translation_timer("translation_averaging");
-  LengthFilterResult by_length = FilterByLength(
-      options.averaging, context.scene, index, rotations.cam_from_world, pairs);
+  LengthFilterResult by_length =
+      FilterByLength(options.averaging,
+                     context.scene,
+                     index,
+                     rotations.cam_from_world,
+                     context.verification.num_threads,
+                     pairs);
   const size_t num_filtered = FilterByTranslation(
       options.averaging, index, rotations.cam_from_world, scales.scales, pairs);
   translation_timer

@@ -1,5 +1,6 @@
 #include "sfm/view_graph/pair_lengths.h"
 
+#include "colmap_ext/parallel.h"
 #include "estimators/averaging/graph.h"
 #include "estimators/averaging/scale_averaging.h"
 #include "estimators/median.h"
@@ -17,7 +18,7 @@ namespace {
 // Key points that two pairs must share for a ratio of their lengths.
 constexpr int kMinNumSharedPoints = 6;
 // Ratios of a pair to stronger ones at each of its images, at most.
-constexpr int kMaxNumRatios = 10;
+constexpr int kMaxNumRatios = 4;
 // Angle between two rays below which they give no distance [deg]. Small: a
 // false pair of look-alike views often claims that its images did not move.
 constexpr double kMinRayAngleDeg = 0.1;
@@ -38,21 +39,24 @@ Eigen::Vector3d RayOf(const Scene& scene,
       .normalized();
 }
 
-// Distances of the inliers from both centres, in units of the baseline.
-std::pair<PairView, PairView> TriangulatePair(const Scene& scene,
-                                              const ImageIndex& index,
-                                              const IndexedPair& indexed) {
+// Distances of the inliers of a pair from the centre of one of its images, in
+// units of the baseline.
+PairView ViewOfPair(const Scene& scene,
+                    const ImageIndex& index,
+                    const IndexedPair& indexed,
+                    int image) {
   const PairGeometry& pair = *indexed.pair;
+  PairView view;
+  const double length = pair.cam2_from_cam1.translation.norm();
+  if (length == 0) return view;
+  const bool is_first = image == indexed.image1;
   const colmap::Image& image1 = scene.images.at(index.IdOf(indexed.image1));
   const colmap::Image& image2 = scene.images.at(index.IdOf(indexed.image2));
   const Eigen::Matrix3d rotation =
       pair.cam2_from_cam1.rotation.toRotationMatrix();
-  const double length = pair.cam2_from_cam1.translation.norm();
-  const double max_cosine = std::cos(kMinRayAngleDeg * M_PI / 180);
-  std::pair<PairView, PairView> views;
-  if (length == 0) return views;
   const Eigen::Vector3d center2 =
       pair.cam2_from_cam1.TargetOriginInSource() / length;
+  const double max_cosine = std::cos(kMinRayAngleDeg * M_PI / 180);
   for (const colmap::FeatureMatch& match : pair.inlier_matches) {
     const Eigen::Vector3d ray1 = RayOf(scene, image1, match.point2D_idx1);
     const Eigen::Vector3d ray2 =
@@ -66,15 +70,12 @@ std::pair<PairView, PairView> TriangulatePair(const Scene& scene,
     const double distance1 = (along1 - cosine * along2) / sine2;
     const double distance2 = (cosine * along1 - along2) / sine2;
     if (!(distance1 > 0) || !(distance2 > 0)) continue;
-    views.first.log_distances.emplace_back(match.point2D_idx1,
-                                           std::log(distance1));
-    views.second.log_distances.emplace_back(match.point2D_idx2,
-                                            std::log(distance2));
+    view.log_distances.emplace_back(
+        is_first ? match.point2D_idx1 : match.point2D_idx2,
+        std::log(is_first ? distance1 : distance2));
   }
-  std::sort(views.first.log_distances.begin(), views.first.log_distances.end());
-  std::sort(views.second.log_distances.begin(),
-            views.second.log_distances.end());
-  return views;
+  std::sort(view.log_distances.begin(), view.log_distances.end());
+  return view;
 }
 
 // Log of the distances of the first over those of the second, at the key points
@@ -90,43 +91,57 @@ std::vector<double> LogRatios(const PairView& view1, const PairView& view2) {
   return ratios;
 }
 
-using PairViews = std::vector<PairView>;
-
-// Views of the pairs by image, those with most points first.
-std::vector<PairViews> ViewsOfImages(const Scene& scene,
-                                     const ImageIndex& index,
-                                     const std::vector<IndexedPair>& pairs) {
-  std::vector<PairViews> views_of_images(index.Size());
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    auto [view1, view2] = TriangulatePair(scene, index, pairs[i]);
-    view1.pair = view2.pair = int(i);
-    views_of_images[pairs[i].image1].push_back(std::move(view1));
-    views_of_images[pairs[i].image2].push_back(std::move(view2));
+// Ratios of the lengths of pairs at an image that they share.
+std::vector<RelativeLogScale> RatiosAtImage(
+    const Scene& scene,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& pairs,
+    const std::vector<int>& pairs_of_image,
+    int image) {
+  std::vector<PairView> views;
+  for (const int i : pairs_of_image) {
+    views.push_back(ViewOfPair(scene, index, pairs[i], image));
+    views.back().pair = i;
   }
-  for (PairViews& views : views_of_images) {
-    std::stable_sort(
-        views.begin(), views.end(), [](const auto& a, const auto& b) {
-          return a.log_distances.size() > b.log_distances.size();
-        });
+  // Those with most points first.
+  std::stable_sort(
+      views.begin(), views.end(), [](const auto& a, const auto& b) {
+        return a.log_distances.size() > b.log_distances.size();
+      });
+  std::vector<RelativeLogScale> ratios;
+  for (size_t i = 0; i < views.size(); ++i) {
+    int num_ratios = 0;
+    for (size_t j = 0; j < i && num_ratios < kMaxNumRatios; ++j) {
+      const std::vector<double> log_ratios = LogRatios(views[j], views[i]);
+      if (int(log_ratios.size()) < kMinNumSharedPoints) continue;
+      // The larger distances are in units of a length, the smaller it is.
+      ratios.push_back({views[j].pair, views[i].pair, Median(log_ratios)});
+      ++num_ratios;
+    }
   }
-  return views_of_images;
+  return ratios;
 }
 
-// Ratios of the lengths of pairs that share an image.
+// Views are made of one image at a time: those of all would take as much memory
+// as the matches.
 std::vector<RelativeLogScale> RatiosOfLengths(
-    const std::vector<PairViews>& views_of_images) {
+    const Scene& scene,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& pairs,
+    int num_threads) {
+  std::vector<std::vector<int>> pairs_of_images(index.Size());
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    pairs_of_images[pairs[i].image1].push_back(int(i));
+    pairs_of_images[pairs[i].image2].push_back(int(i));
+  }
+  std::vector<std::vector<RelativeLogScale>> ratios_at_images(index.Size());
+  ParallelFor(ratios_at_images.size(), num_threads, [&](size_t image) {
+    ratios_at_images[image] =
+        RatiosAtImage(scene, index, pairs, pairs_of_images[image], int(image));
+  });
   std::vector<RelativeLogScale> ratios;
-  for (const PairViews& views : views_of_images) {
-    for (size_t i = 0; i < views.size(); ++i) {
-      int num_ratios = 0;
-      for (size_t j = 0; j < i && num_ratios < kMaxNumRatios; ++j) {
-        const std::vector<double> log_ratios = LogRatios(views[j], views[i]);
-        if (int(log_ratios.size()) < kMinNumSharedPoints) continue;
-        // The larger distances are in units of a length, the smaller it is.
-        ratios.push_back({views[j].pair, views[i].pair, Median(log_ratios)});
-        ++num_ratios;
-      }
-    }
+  for (const auto& at_image : ratios_at_images) {
+    ratios.insert(ratios.end(), at_image.begin(), at_image.end());
   }
   return ratios;
 }
@@ -136,9 +151,10 @@ std::vector<RelativeLogScale> RatiosOfLengths(
 std::map<int, double> LengthsOfPairs(const Scene& scene,
                                      const ImageIndex& index,
                                      const std::vector<IndexedPair>& pairs,
-                                     const GraphAveragingOptions& options) {
-  std::vector<RelativeLogScale> ratios =
-      RatiosOfLengths(ViewsOfImages(scene, index, pairs));
+                                     const GraphAveragingOptions& options,
+                                     int num_threads) {
+  const std::vector<RelativeLogScale> ratios =
+      RatiosOfLengths(scene, index, pairs, num_threads);
   std::map<int, double> lengths;
   if (ratios.empty()) return lengths;
   std::vector<GraphEdge> edges;

@@ -20,6 +20,7 @@ namespace dgsfm {
 std::map<int, double> LengthsOfPairs(const Scene& scene,
                                      const ImageIndex& index,
                                      const std::vector<IndexedPair>& pairs,
-                                     const GraphAveragingOptions& options);
+                                     const GraphAveragingOptions& options,
+                                     int num_threads);
 
 }  // namespace dgsfm

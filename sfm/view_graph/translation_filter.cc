@@ -120,10 +120,11 @@ LengthFilterResult FilterByLength(
     const Scene& scene,
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
+    int num_threads,
     PairGeometries* pairs) {
   const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
-  const std::map<int, double> lengths =
-      LengthsOfPairs(scene, index, valid_pairs, options.scale_averaging);
+  const std::map<int, double> lengths = LengthsOfPairs(
+      scene, index, valid_pairs, options.scale_averaging, num_threads);
   std::vector<GraphEdge> edges;
   for (const auto& [i, length] : lengths) {
     edges.emplace_back(valid_pairs[i].image1, valid_pairs[i].image2);

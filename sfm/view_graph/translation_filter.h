@@ -37,6 +37,7 @@ LengthFilterResult FilterByLength(
     const Scene& scene,
     const ImageIndex& index,
     const std::vector<Eigen::Quaterniond>& cam_from_world_rotations,
+    int num_threads,
     PairGeometries* pairs);
 
 }  // namespace dgsfm

@@ -165,7 +165,7 @@ TEST(FilterByLength, TakesOutPairsOfLookAlikePlaces) {
   }
   EXPECT_GE(num_valid_false, 5);
   const LengthFilterResult result =
-      FilterByLength({}, scene, ImageIndex(image_ids), rotations, &pairs);
+      FilterByLength({}, scene, ImageIndex(image_ids), rotations, 1, &pairs);
   // Pairs whose rays are parallel throughout have no length and stay.
   EXPECT_LE(result.num_pairs_filtered, num_valid_false);
   EXPECT_GE(4 * result.num_pairs_filtered, 3 * num_valid_false);
@@ -188,6 +188,7 @@ TEST(FilterByLength, LeavesPairsWithoutInliersAlone) {
                      scene,
                      ImageIndex(component.image_ids),
                      component.rotations,
+                     /*num_threads=*/1,
                      &component.pairs);
   EXPECT_EQ(result.num_pairs_filtered, 0);
   EXPECT_TRUE(result.centers.empty());
