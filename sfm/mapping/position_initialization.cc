@@ -2,9 +2,9 @@
 
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
-#include "estimators/averaging/graph.h"
 #include "estimators/median.h"
 #include "estimators/optimization/ray_intersection.h"
+#include "sfm/mapping/center_chain.h"
 #include "sfm/mapping/rig_model.h"
 
 #include <algorithm>
@@ -107,62 +107,11 @@ class PositionInitializer {
     }
   }
 
-  Eigen::Quaterniond Rotation(int image) const {
-    return CamFromWorld(reconstruction_->Image(index_.IdOf(image))).rotation;
-  }
-
-  // Centre of image 2 of a pair given that of image 1; the translation is in
-  // units of `unit`.
-  Eigen::Vector3d ChainCenter(const Eigen::Vector3d& center1,
-                              int image2,
-                              const Rigid3d& cam2_from_cam1,
-                              double unit) const {
-    return center1 -
-           Rotation(image2).conjugate() * (unit * cam2_from_cam1.translation);
-  }
-
   bool PlaceScaledImages() {
-    std::vector<GraphEdge> edges;
-    std::vector<double> weights;
-    std::vector<const PairGeometry*> edge_pairs;
-    std::vector<double> strength(index_.Size(), 0);
-    for (const auto& [pair_id, pair] : pairs_) {
-      const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-      if (pair.status != PairStatus::VALID || !pair.has_scale ||
-          scales_.count(image_id1) == 0 || scales_.count(image_id2) == 0) {
-        continue;
-      }
-      edges.emplace_back(index_.Of(image_id1), index_.Of(image_id2));
-      weights.push_back(double(pair.NumInliers()));
-      edge_pairs.push_back(&pair);
-      strength[edges.back().first] += weights.back();
-      strength[edges.back().second] += weights.back();
-    }
-    if (edges.empty()) return false;
-    // Chains from the best connected image are short, and errors along them
-    // few.
-    const int root = int(std::max_element(strength.begin(), strength.end()) -
-                         strength.begin());
-    const SpanningTree tree =
-        MaximumSpanningTree(index_.Size(), edges, weights, root);
-    for (const int image : tree.order) {
-      if (image == root) {
-        centers_[image] = Eigen::Vector3d::Zero();
-        continue;
-      }
-      const int parent = tree.parents[image];
-      const int edge = tree.parent_edges[image];
-      const PairGeometry& pair = *edge_pairs[edge];
-      const Rigid3d image_from_parent =
-          edges[edge].first == parent
-              ? pair.cam2_from_cam1
-              : InverseScaledPose(pair.cam2_from_cam1, pair.scale_1_from_2);
-      centers_[image] = ChainCenter(*centers_[parent],
-                                    image,
-                                    image_from_parent,
-                                    scales_.at(index_.IdOf(parent)));
-    }
-    return true;
+    centers_ = ChainScaledCenters(index_, pairs_, scales_, *reconstruction_);
+    return std::any_of(centers_.begin(),
+                       centers_.end(),
+                       [](const auto& center) { return center.has_value(); });
   }
 
   // Median angle between the two rays of tracks that both images see [deg].
@@ -236,11 +185,12 @@ class PositionInitializer {
   void GrowFrom(const Seed& seed) {
     Clear();
     centers_[seed.image1] = Eigen::Vector3d::Zero();
-    centers_[seed.image2] =
-        ChainCenter(Eigen::Vector3d::Zero(),
-                    seed.image2,
-                    seed.pair->cam2_from_cam1,
-                    1 / seed.pair->cam2_from_cam1.translation.norm());
+    const Rigid3d& cam2_from_cam1 = seed.pair->cam2_from_cam1;
+    centers_[seed.image2] = ChainCenter(
+        Eigen::Vector3d::Zero(),
+        CamFromWorld(reconstruction_->Image(index_.IdOf(seed.image2))).rotation,
+        cam2_from_cam1,
+        1 / cam2_from_cam1.translation.norm());
     Grow();
   }
 
