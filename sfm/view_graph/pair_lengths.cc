@@ -4,6 +4,7 @@
 #include "estimators/averaging/graph.h"
 #include "estimators/averaging/scale_averaging.h"
 #include "estimators/median.h"
+#include "estimators/solvers/epipolar.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,28 +20,26 @@ namespace {
 constexpr int kMinNumSharedPoints = 6;
 // Ratios of a pair to stronger ones at each of its images, at most.
 constexpr int kMaxNumRatios = 4;
-// Angle between two rays below which they give no distance [deg]. Small: a
+// Angle between two rays below which they give no depth [deg]. Small: a
 // false pair of look-alike views often claims that its images did not move.
 constexpr double kMinRayAngleDeg = 0.1;
 
-// Log distances of the key points of an image that one pair triangulates, in
+// Log depths of the key points of an image that one pair triangulates, in
 // increasing order of the key points.
 struct PairView {
   int pair = 0;
-  std::vector<std::pair<colmap::point2D_t, double>> log_distances;
+  std::vector<std::pair<colmap::point2D_t, double>> log_depths;
 };
 
-Eigen::Vector3d RayOf(const Scene& scene,
-                      const colmap::Image& image,
-                      colmap::point2D_t point2D_idx) {
+Eigen::Vector2d NormalizedPoint(const Scene& scene,
+                                const colmap::Image& image,
+                                colmap::point2D_t point2D_idx) {
   return scene.cameras.at(image.CameraId())
-      .ImageToWorld(image.Point2D(point2D_idx).XY())
-      .homogeneous()
-      .normalized();
+      .ImageToWorld(image.Point2D(point2D_idx).XY());
 }
 
-// Distances of the inliers of a pair from the centre of one of its images, in
-// units of the baseline.
+// Depths of the inliers of a pair in one of its images, in units of the
+// baseline.
 PairView ViewOfPair(const Scene& scene,
                     const ImageIndex& index,
                     const IndexedPair& indexed,
@@ -49,44 +48,36 @@ PairView ViewOfPair(const Scene& scene,
   PairView view;
   const double length = pair.cam2_from_cam1.translation.norm();
   if (length == 0) return view;
+  TwoViewModel model;
+  model.rotation = pair.cam2_from_cam1.rotation.toRotationMatrix();
+  model.translation = pair.cam2_from_cam1.translation / length;
+  model.focal1 = model.focal2 = 1;
   const bool is_first = image == indexed.image1;
   const colmap::Image& image1 = scene.images.at(index.IdOf(indexed.image1));
   const colmap::Image& image2 = scene.images.at(index.IdOf(indexed.image2));
-  const Eigen::Matrix3d rotation =
-      pair.cam2_from_cam1.rotation.toRotationMatrix();
-  const Eigen::Vector3d center2 =
-      pair.cam2_from_cam1.TargetOriginInSource() / length;
-  const double max_cosine = std::cos(kMinRayAngleDeg * M_PI / 180);
   for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-    const Eigen::Vector3d ray1 = RayOf(scene, image1, match.point2D_idx1);
-    const Eigen::Vector3d ray2 =
-        rotation.transpose() * RayOf(scene, image2, match.point2D_idx2);
-    const double cosine = ray1.dot(ray2);
-    if (cosine > max_cosine) continue;
-    // The points nearest to each other on both rays.
-    const double along1 = ray1.dot(center2);
-    const double along2 = ray2.dot(center2);
-    const double sine2 = 1 - cosine * cosine;
-    const double distance1 = (along1 - cosine * along2) / sine2;
-    const double distance2 = (cosine * along1 - along2) / sine2;
-    if (!(distance1 > 0) || !(distance2 > 0)) continue;
-    view.log_distances.emplace_back(
+    const auto point =
+        IntersectRays(model,
+                      NormalizedPoint(scene, image1, match.point2D_idx1),
+                      NormalizedPoint(scene, image2, match.point2D_idx2));
+    if (!point || point->angle_rad < kMinRayAngleDeg * M_PI / 180) continue;
+    view.log_depths.emplace_back(
         is_first ? match.point2D_idx1 : match.point2D_idx2,
-        std::log(is_first ? distance1 : distance2));
+        std::log(is_first ? point->depth1 : point->depth2));
   }
-  std::sort(view.log_distances.begin(), view.log_distances.end());
+  std::sort(view.log_depths.begin(), view.log_depths.end());
   return view;
 }
 
-// Log of the distances of the first over those of the second, at the key points
+// Log of the depths of the first over those of the second, at the key points
 // that both have.
 std::vector<double> LogRatios(const PairView& view1, const PairView& view2) {
   std::vector<double> ratios;
-  auto it = view2.log_distances.begin();
-  for (const auto& [point2D_idx, log_distance] : view1.log_distances) {
-    while (it != view2.log_distances.end() && it->first < point2D_idx) ++it;
-    if (it == view2.log_distances.end()) break;
-    if (it->first == point2D_idx) ratios.push_back(log_distance - it->second);
+  auto it = view2.log_depths.begin();
+  for (const auto& [point2D_idx, log_depth] : view1.log_depths) {
+    while (it != view2.log_depths.end() && it->first < point2D_idx) ++it;
+    if (it == view2.log_depths.end()) break;
+    if (it->first == point2D_idx) ratios.push_back(log_depth - it->second);
   }
   return ratios;
 }
@@ -106,7 +97,7 @@ std::vector<RelativeLogScale> RatiosAtImage(
   // Those with most points first.
   std::stable_sort(
       views.begin(), views.end(), [](const auto& a, const auto& b) {
-        return a.log_distances.size() > b.log_distances.size();
+        return a.log_depths.size() > b.log_depths.size();
       });
   std::vector<RelativeLogScale> ratios;
   for (size_t i = 0; i < views.size(); ++i) {
@@ -114,7 +105,7 @@ std::vector<RelativeLogScale> RatiosAtImage(
     for (size_t j = 0; j < i && num_ratios < kMaxNumRatios; ++j) {
       const std::vector<double> log_ratios = LogRatios(views[j], views[i]);
       if (int(log_ratios.size()) < kMinNumSharedPoints) continue;
-      // The larger distances are in units of a length, the smaller it is.
+      // The larger depths are in units of a length, the smaller it is.
       ratios.push_back({views[j].pair, views[i].pair, Median(log_ratios)});
       ++num_ratios;
     }
