@@ -12,8 +12,7 @@
 
 namespace dgsfm {
 
-// Throws std::invalid_argument unless the depths are such as can be stored:
-// KeypointDepthsOfRow refuses the same.
+// Depths that KeypointDepthsOfRow would refuse throw std::invalid_argument.
 void CheckKeypointDepths(const KeypointDepths& keypoint_depths);
 
 // Hash of a column with the blob of key points; a NULL is an empty one.
@@ -26,7 +25,7 @@ struct ImageKeypoints {
   uint64_t keypoints_fingerprint = 0;
 };
 
-// Throws std::runtime_error if there is no such image.
+// An id that no image has throws std::runtime_error.
 ImageKeypoints ReadImageKeypoints(const SqliteConnection& connection,
                                   colmap::image_t image_id);
 
@@ -39,8 +38,8 @@ DepthUnit CheckedUnit(const SqliteConnection& connection,
 // Selects the rows that KeypointDepthsOfRow reads, with the image's id first.
 extern const char kSelectKeypointDepths[];
 
-// Throws std::runtime_error with the image's name if the row is damaged, or
-// if the key points are others than at the import.
+// A damaged row, and key points other than at the import, throw
+// std::runtime_error with the image's name.
 KeypointDepths KeypointDepthsOfRow(const SqliteConnection& connection,
                                    const SqliteStatement& row);
 

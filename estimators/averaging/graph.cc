@@ -130,6 +130,16 @@ std::vector<int> ConnectedComponents(int num_nodes,
   return components;
 }
 
+std::vector<int> LargestComponent(int num_nodes,
+                                  const std::vector<GraphEdge>& edges) {
+  const std::vector<int> components = ConnectedComponents(num_nodes, edges);
+  std::vector<int> nodes;
+  for (int node = 0; node < num_nodes; ++node) {
+    if (components[node] == 0) nodes.push_back(node);
+  }
+  return nodes;
+}
+
 SpanningTree MaximumSpanningTree(int num_nodes,
                                  const std::vector<GraphEdge>& edges,
                                  const std::vector<double>& weights,

@@ -18,6 +18,10 @@ using GraphEdge = std::pair<int, int>;
 std::vector<int> ConnectedComponents(int num_nodes,
                                      const std::vector<GraphEdge>& edges);
 
+// Nodes of component 0, in increasing order.
+std::vector<int> LargestComponent(int num_nodes,
+                                  const std::vector<GraphEdge>& edges);
+
 // A spanning tree rooted at `root`, over the nodes reachable from it.
 struct SpanningTree {
   int root = -1;

@@ -30,14 +30,14 @@ constexpr double kLossScalePerError = 1.5;
 // ... at least, of the largest one: the errors of exact key points are
 // rounding.
 constexpr double kMinLossScaleRatio = 0.1;
-// Share of the errors whose largest shows how heavy their tails are, ...
+// Tails are judged by the error that this share of all errors does not exceed.
 constexpr double kTailShare = 0.9;
-// ... and how large that is from which the tails are too heavy for the soft L1
-// loss [median error]. Student's t distribution in the plane has 3.0 with two
-// degrees of freedom, the most with which there is no variance.
+// A Cauchy loss replaces the soft L1 loss where that error is larger than this
+// [median error]. In the plane it is 3.0 for Student's t distribution with two
+// degrees of freedom, whose variance is infinite.
 constexpr double kHeavyTailRatio = 3.1;
-// Images that see a point whose errors show their tails: two adapt the point so
-// much that of four coordinates one is left.
+// Tails are judged by points that so many images see: a point of two images
+// follows three of its four coordinates, and leaves one error.
 constexpr size_t kMinNumViewsOfTail = 3;
 
 // The arrays of a model, and back.
@@ -108,7 +108,7 @@ class ModelBundle {
                               ? 1
                               : EffectiveNumThreads(num_threads);
     const PointMinimizerSummary summary =
-        SolveBundle(options, Loss(), &bundle_);
+        SolveBundle(options, options_.Loss(), &bundle_);
     if (!summary.success) return std::nullopt;
     VLOG(1) << "Bundle adjustment: " << summary.num_iterations
             << " iterations, cost " << summary.initial_cost << " to "
@@ -118,13 +118,6 @@ class ModelBundle {
   }
 
  private:
-  RobustLoss Loss() const {
-    if (options_.cauchy_scale_px) {
-      return {RobustLoss::Type::CAUCHY, *options_.cauchy_scale_px};
-    }
-    return {RobustLoss::Type::SOFT_L1, options_.loss_scale_px};
-  }
-
   // The held parts of the pose that an image moves by.
   std::array<bool, 6>& ConstantPartsOf(BundleImage* image) {
     return image->frame < 0 ? image->is_constant
@@ -279,24 +272,35 @@ class ModelBundle {
   Bundle bundle_;
 };
 
-// Errors at the points of so many images at least [px].
-std::vector<double> ReprojectionErrors(const colmap::Reconstruction& model,
-                                       size_t min_num_views) {
-  std::vector<double> errors_px;
+struct ReprojectionErrors {
+  std::vector<double> all_px;
+  // Errors by which tails are judged.
+  std::vector<double> of_tails_px;
+};
+
+ReprojectionErrors CollectErrors(const colmap::Reconstruction& model) {
+  ReprojectionErrors errors;
   for (const colmap::point3D_t point_id : SortedPoints(model)) {
     const colmap::Point3D& point = model.Point3D(point_id);
-    if (point.Track().Length() < min_num_views) continue;
     for (const colmap::TrackElement& element : point.Track().Elements()) {
       const Eigen::Vector3d in_cam =
           CamFromWorld(model.Image(element.image_id)) * point.XYZ();
       if (!(in_cam.z() > 0)) continue;
-      errors_px.push_back(ReprojectionError(model, element, in_cam));
+      errors.all_px.push_back(ReprojectionError(model, element, in_cam));
+      if (point.Track().Length() >= kMinNumViewsOfTail) {
+        errors.of_tails_px.push_back(errors.all_px.back());
+      }
     }
   }
-  return errors_px;
+  return errors;
 }
 
 }  // namespace
+
+RobustLoss BundleAdjustmentOptions::Loss() const {
+  if (cauchy_scale_px) return {RobustLoss::Type::CAUCHY, *cauchy_scale_px};
+  return {RobustLoss::Type::SOFT_L1, loss_scale_px};
+}
 
 bool BundleAdjustmentOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
@@ -310,18 +314,16 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
 
 LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
                              const colmap::Reconstruction& model) {
-  const std::vector<double> errors_px = ReprojectionErrors(model, 2);
-  if (errors_px.empty()) return {options.loss_scale_px, std::nullopt};
+  const ReprojectionErrors errors = CollectErrors(model);
+  if (errors.all_px.empty()) return {options.loss_scale_px, std::nullopt};
   const double min_scale_px = kMinLossScaleRatio * options.loss_scale_px;
   LossScales scales;
-  scales.soft_l1_px = std::clamp(kLossScalePerError * Median(errors_px),
+  scales.soft_l1_px = std::clamp(kLossScalePerError * Median(errors.all_px),
                                  min_scale_px,
                                  options.loss_scale_px);
-  const std::vector<double> judged_px =
-      ReprojectionErrors(model, kMinNumViewsOfTail);
-  if (2 * judged_px.size() < errors_px.size()) return scales;
-  const double median_px = Median(judged_px);
-  const double tail_px = Quantile(judged_px, kTailShare);
+  if (2 * errors.of_tails_px.size() < errors.all_px.size()) return scales;
+  const double median_px = Median(errors.of_tails_px);
+  const double tail_px = Quantile(errors.of_tails_px, kTailShare);
   VLOG(1) << "Reprojection errors: median " << median_px << " px, 90 % below "
           << tail_px << " px";
   if (tail_px > kHeavyTailRatio * median_px) {

@@ -5,6 +5,7 @@
 
 #include "colmap_ext/rig.h"
 #include "estimators/optimization/center_prior.h"
+#include "estimators/optimization/robust_loss.h"
 #include "sfm/intrinsics/intrinsics_prior.h"
 #include "sfm/verification/pair_verification.h"
 
@@ -28,11 +29,13 @@ struct BundleAdjustmentOptions {
   // final adjustments use less where key points are accurate, see
   // AdaptedLossScales.
   double loss_scale_px = 0.5;
-  // Scale of a Cauchy loss in place of the soft L1 loss [px]. Not for users:
-  // final adjustments have one where the errors ask for it.
+  // Scale of a Cauchy loss that replaces the soft L1 loss [px]. No option of
+  // commands: the mapper sets it for errors with heavy tails.
   std::optional<double> cauchy_scale_px;
   IntrinsicsPriorOptions intrinsics;
 
+  // The loss of errors in px.
+  RobustLoss Loss() const;
   bool IsValid(std::string* error) const;
 };
 
@@ -54,10 +57,10 @@ struct CenterPriors {
   double loss_scale = 2;
 };
 
-// Scales of the loss for a model as it is.
+// Scales of the loss by the errors of a model [px].
 struct LossScales {
   double soft_l1_px = 0;
-  // Of the Cauchy loss in its place, if the errors ask for that.
+  // A Cauchy loss of this scale takes the place of the soft L1 loss.
   std::optional<double> cauchy_px;
 };
 

@@ -29,7 +29,7 @@ struct ModelInProgress {
   // Whether the rays of its tracks hardly differ, so that a principal point off
   // by a pixel moves centres as far as they are apart.
   bool has_little_parallax = false;
-  // Those of the final adjustments.
+  // Scales of the loss of the final adjustments.
   LossScales final_loss_scales;
 };
 

@@ -25,12 +25,12 @@ double CostOfModel(const MappingContext& context,
                    size_t num_observations_of_start,
                    const colmap::Reconstruction& model) {
   const ModelRefinementOptions& options = context.options.refinement;
-  const double loss_scale_px = options.bundle_adjustment.loss_scale_px;
+  const RobustLoss loss = options.bundle_adjustment.Loss();
   const double num_lost = double(num_observations_of_start) -
                           double(model.ComputeNumObservations());
-  return CostOfObservations(loss_scale_px, model) +
-         num_lost *
-             SoftL1Cost(loss_scale_px, options.max_reprojection_error_px);
+  const double max_error_px = options.max_reprojection_error_px;
+  return CostOfObservations(loss, model) +
+         num_lost * loss.Cost(max_error_px * max_error_px);
 }
 
 // Takes over poses, points and cameras of a part of the model; the others lose
@@ -86,9 +86,8 @@ bool AdjustFromOneCenter(const MappingContext& context,
         const bool is_adjusted =
             Adjust(context, adjustment, beliefs, progress->rigs, {}, model)
                 .has_value();
-        return is_adjusted
-                   ? CostOfObservations(adjustment.loss_scale_px, *model)
-                   : -1.0;
+        return is_adjusted ? CostOfObservations(adjustment.Loss(), *model)
+                           : -1.0;
       });
   if (grown.NumPoints3D() == 0) return false;
   TakeOver(grown, &progress->model);
@@ -139,7 +138,7 @@ void HoldOneCenter(const MappingContext& context,
                    MappingLog* log) {
   StageTimer timer("one_center");
   const ModelRefinementOptions& options = context.options.refinement;
-  const double loss_scale_px = options.bundle_adjustment.loss_scale_px;
+  const RobustLoss loss = options.bundle_adjustment.Loss();
   RigConstraints turning;
   turning.at_one_center = true;
   colmap::Reconstruction model = progress->model;
@@ -152,8 +151,8 @@ void HoldOneCenter(const MappingContext& context,
               &model)) {
     return;
   }
-  const double cost = CostOfObservations(loss_scale_px, model);
-  const double free_cost = CostOfObservations(loss_scale_px, progress->model);
+  const double cost = CostOfObservations(loss, model);
+  const double free_cost = CostOfObservations(loss, progress->model);
   const bool is_held = IsExplainedByRotations(cost, free_cost, model);
   timer.Add("cost", cost).Add("cost_of_free_centers", free_cost);
   if (is_held) {

@@ -70,7 +70,7 @@ class PositionInitializer {
     if (PlaceScaledImages()) {
       Grow();
     } else {
-      GrowFromBestSeed();
+      GrowWithoutScales();
     }
     for (int round = 0; !frames_.empty() && round < kNumFrameRounds; ++round) {
       PlaceFrames();
@@ -169,12 +169,6 @@ class PositionInitializer {
     GrowByResection();
   }
 
-  void Clear() {
-    centers_.assign(centers_.size(), std::nullopt);
-    points_.assign(points_.size(), std::nullopt);
-    num_placed_tracks_.assign(num_placed_tracks_.size(), 0);
-  }
-
   void GrowFromAveragedCenters() {
     for (const auto& [image_id, center] : averaged_centers_) {
       centers_[index_.Of(image_id)] = center;
@@ -183,7 +177,9 @@ class PositionInitializer {
   }
 
   void GrowFrom(const Seed& seed) {
-    Clear();
+    centers_.assign(centers_.size(), std::nullopt);
+    points_.assign(points_.size(), std::nullopt);
+    num_placed_tracks_.assign(num_placed_tracks_.size(), 0);
     centers_[seed.image1] = Eigen::Vector3d::Zero();
     const Rigid3d& cam2_from_cam1 = seed.pair->cam2_from_cam1;
     centers_[seed.image2] = ChainCenter(
@@ -204,7 +200,7 @@ class PositionInitializer {
 
   // From averaged centres, the best seed, or one that reaches more images;
   // pairs within what an earlier one reached would reach the same.
-  void GrowFromBestSeed() {
+  void GrowWithoutScales() {
     GrowFromAveragedCenters();
     std::vector<Images> reached = {PlacedImages()};
     size_t num_best = reached.front().size();

@@ -162,12 +162,7 @@ bool IsAtOneCenter(const colmap::Reconstruction& model) {
   });
 }
 
-double SoftL1Cost(double loss_scale_px, double error_px) {
-  const double ratio = error_px / loss_scale_px;
-  return loss_scale_px * loss_scale_px * (std::sqrt(1 + ratio * ratio) - 1);
-}
-
-double CostOfObservations(double loss_scale_px,
+double CostOfObservations(const RobustLoss& loss,
                           const colmap::Reconstruction& model) {
   double cost = 0;
   for (const colmap::point3D_t point_id : SortedPoints(model)) {
@@ -175,8 +170,8 @@ double CostOfObservations(double loss_scale_px,
     for (const colmap::TrackElement& element : point.Track().Elements()) {
       const Eigen::Vector3d in_cam =
           CamFromWorld(model.Image(element.image_id)) * point.XYZ();
-      cost +=
-          SoftL1Cost(loss_scale_px, ReprojectionError(model, element, in_cam));
+      const double error_px = ReprojectionError(model, element, in_cam);
+      cost += loss.Cost(error_px * error_px);
     }
   }
   return cost;

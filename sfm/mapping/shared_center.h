@@ -42,12 +42,9 @@ size_t PlaceAtDepth(const KeypointDepthMap& depths,
 // rounding.
 bool IsAtOneCenter(const colmap::Reconstruction& model);
 
-// The cost of the observations of a model, each by a soft L1 loss [px^2].
-double CostOfObservations(double loss_scale_px,
+// The cost of the observations of a model, by a loss of errors in px [px^2].
+double CostOfObservations(const RobustLoss& loss,
                           const colmap::Reconstruction& model);
-
-// That of an observation with this error.
-double SoftL1Cost(double loss_scale_px, double error_px);
 
 // Whether the cost of a model whose images share a centre is as near to that
 // of the same observations with free centres as it is expected to be where the

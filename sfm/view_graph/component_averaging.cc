@@ -202,10 +202,9 @@ std::vector<colmap::image_t> LargestScaledPart(const ImageIndex& index,
   for (const IndexedPair& indexed : ScaledPairs(index, pairs)) {
     edges.emplace_back(indexed.image1, indexed.image2);
   }
-  const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
   std::vector<colmap::image_t> image_ids;
-  for (int i = 0; i < index.Size(); ++i) {
-    if (parts[i] == 0) image_ids.push_back(index.IdOf(i));
+  for (const int image : LargestComponent(index.Size(), edges)) {
+    image_ids.push_back(index.IdOf(image));
   }
   return image_ids;
 }

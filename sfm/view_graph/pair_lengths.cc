@@ -152,17 +152,15 @@ std::map<int, double> LengthsOfPairs(const Scene& scene,
   for (const RelativeLogScale& ratio : ratios) {
     edges.emplace_back(ratio.node1, ratio.node2);
   }
-  const std::vector<int> parts = ConnectedComponents(int(pairs.size()), edges);
+  const std::vector<int> pair_of_node =
+      LargestComponent(int(pairs.size()), edges);
   std::vector<int> node_of_pair(pairs.size(), -1);
-  std::vector<int> pair_of_node;
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    if (parts[i] != 0) continue;
-    node_of_pair[i] = int(pair_of_node.size());
-    pair_of_node.push_back(int(i));
+  for (size_t node = 0; node < pair_of_node.size(); ++node) {
+    node_of_pair[pair_of_node[node]] = int(node);
   }
   std::vector<RelativeLogScale> connected;
   for (RelativeLogScale ratio : ratios) {
-    if (parts[ratio.node1] != 0) continue;
+    if (node_of_pair[ratio.node1] < 0) continue;
     ratio.node1 = node_of_pair[ratio.node1];
     ratio.node2 = node_of_pair[ratio.node2];
     connected.push_back(ratio);

@@ -1,5 +1,6 @@
 #include "sfm/view_graph/translation_filter.h"
 
+#include "estimators/averaging/graph.h"
 #include "estimators/median.h"
 #include "sfm/view_graph/pair_lengths.h"
 
@@ -129,21 +130,21 @@ LengthFilterResult FilterByLength(
   for (const auto& [i, length] : lengths) {
     edges.emplace_back(valid_pairs[i].image1, valid_pairs[i].image2);
   }
-  const std::vector<int> parts = ConnectedComponents(index.Size(), edges);
   std::vector<colmap::image_t> image_ids;
-  for (int i = 0; i < index.Size(); ++i) {
-    if (parts[i] == 0) image_ids.push_back(index.IdOf(i));
+  for (const int image : LargestComponent(index.Size(), edges)) {
+    image_ids.push_back(index.IdOf(image));
   }
+  const ImageIndex part(image_ids);
   std::vector<PairTranslation> translations;
   for (const auto& [i, length] : lengths) {
     const IndexedPair& indexed = valid_pairs[i];
-    if (parts[indexed.image1] != 0) continue;
+    if (part.Of(index.IdOf(indexed.image1)) < 0) continue;
     const double unit =
         length / indexed.pair->cam2_from_cam1.translation.norm();
     translations.push_back(
         TranslationOf(index, cam_from_world_rotations, indexed, unit));
   }
-  return Filter(options, ImageIndex(image_ids), translations);
+  return Filter(options, part, translations);
 }
 
 }  // namespace dgsfm

@@ -41,6 +41,12 @@ TEST(ConnectedComponents, NumbersBySizeThenBySmallestNode) {
               ElementsAre(1, 0, 2, 2, 0, 1, 0, 3));
 }
 
+TEST(LargestComponent, HasItsNodesInOrder) {
+  EXPECT_THAT(LargestComponent(8, {{5, 0}, {3, 2}, {6, 4}, {4, 1}}),
+              ElementsAre(1, 4, 6));
+  EXPECT_THAT(LargestComponent(0, {}), IsEmpty());
+}
+
 TEST(ConnectedComponents, EmptyGraphAndLoops) {
   EXPECT_THAT(ConnectedComponents(0, {}), IsEmpty());
   EXPECT_THAT(ConnectedComponents(2, {{1, 1}}), ElementsAre(0, 1));

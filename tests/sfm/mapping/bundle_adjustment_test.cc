@@ -21,8 +21,8 @@ constexpr double kMaxErrorPx = 4;
 
 using Rng = std::mt19937;
 
-// Of Student's t distribution in the plane; a Gaussian one without degrees of
-// freedom.
+// Draws from Student's t distribution in the plane, or from the Gaussian one
+// where there are no degrees of freedom.
 Eigen::Vector2d DrawError(std::optional<double> degrees_of_freedom, Rng* rng) {
   std::normal_distribution<double> normal(0, kScalePx);
   Eigen::Vector2d error;
