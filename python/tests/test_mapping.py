@@ -224,23 +224,13 @@ def test_ctrl_c_during_mapping(street, tmp_path):
     database = shutil.copy(street, tmp_path)
     output_path = tmp_path / "model"
     dgsfm.verify_pairs(database)
-    code = textwrap.dedent(f"""
-        import dgsfm
-        try:
-            dgsfm.global_depth_mapping({str(database)!r}, {str(output_path)!r})
-        except KeyboardInterrupt:
-            print("interrupted")
-        """)
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
+    assert is_interrupted(
+        f"global_depth_mapping({str(database)!r}, {str(output_path)!r}, "
+        "progress=interrupt)"
     )
-    time.sleep(1.5)
-    os.kill(process.pid, signal.SIGINT)
-    output, _ = process.communicate()
-    if "interrupted" in output:
-        # Components that were mapped stay for the next run.
-        names = {p.name for p in pathlib.Path(output_path).glob("*")}
-        assert names <= {".dgsfm_checkpoints"}
+    # Components that were mapped stay for the next run.
+    names = {p.name for p in pathlib.Path(output_path).glob("*")}
+    assert names <= {".dgsfm_checkpoints"}
     assert dgsfm.global_depth_mapping(database, output_path)[0].num_images > 20
 
 
