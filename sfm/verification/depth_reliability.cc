@@ -20,58 +20,74 @@ bool Confirms(const PairGeometry& pair) {
          pair.log_scale_stddev < kMaxLogScaleStddev;
 }
 
-}  // namespace
+using Images = std::set<colmap::image_t>;
+using Links = std::map<colmap::image_t, Images>;
 
-std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs) {
-  using Images = std::set<colmap::image_t>;
-  std::map<colmap::image_t, Images> confirmations;
-  std::map<colmap::image_t, Images> contradictions;
-  for (const auto& [pair_id, pair] : pairs) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (Confirms(pair)) {
-      confirmations[image_id1].insert(image_id2);
-      confirmations[image_id2].insert(image_id1);
-    } else if (pair.status == PairStatus::DEPTH_INCONSISTENT) {
-      contradictions[image_id1].insert(image_id2);
-      contradictions[image_id2].insert(image_id1);
-    }
-  }
-  std::vector<colmap::image_t> doubtful;
-  for (const auto& [image_id, others] : contradictions) {
-    if (int(others.size()) >= kMinNumContradictions) {
-      doubtful.push_back(image_id);
-    }
-  }
-  // One at a time: a bad map also contradicts good ones, which are cleared once
-  // it is gone.
-  Images unreliable;
+void AddLink(colmap::image_pair_t pair_id, Links* links) {
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  (*links)[image_id1].insert(image_id2);
+  (*links)[image_id2].insert(image_id1);
+}
+
+const Images& LinkedTo(const Links& links, colmap::image_t image_id) {
+  static const Images none;
+  const auto it = links.find(image_id);
+  return it == links.end() ? none : it->second;
+}
+
+// Maps that more others contradict than confirm. One at a time: a bad map also
+// contradicts good ones, which are cleared once it is gone.
+Images TakeOutWorst(const Links& confirmations, Links contradictions) {
+  Images taken;
   while (true) {
     int worst_excess = 0;
     colmap::image_t worst = colmap::kInvalidImageId;
     for (const auto& [image_id, others] : contradictions) {
       const int excess =
-          int(others.size()) - int(confirmations[image_id].size());
+          int(others.size()) - int(LinkedTo(confirmations, image_id).size());
       if (int(others.size()) >= kMinNumContradictions &&
           excess > worst_excess) {
         worst_excess = excess;
         worst = image_id;
       }
     }
-    if (worst == colmap::kInvalidImageId) break;
-    unreliable.insert(worst);
+    if (worst == colmap::kInvalidImageId) return taken;
+    taken.insert(worst);
     for (const colmap::image_t other : contradictions[worst]) {
       contradictions[other].erase(worst);
     }
     contradictions.erase(worst);
   }
-  // Where all maps are bad, the last ones are left without contradictions, and
-  // without any that confirms them.
-  for (const colmap::image_t image_id : doubtful) {
-    const Images& others = confirmations[image_id];
-    if (std::includes(unreliable.begin(),
-                      unreliable.end(),
-                      others.begin(),
-                      others.end())) {
+}
+
+}  // namespace
+
+std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs) {
+  Links confirmations;
+  // Valid pairs with a scale, well-determined or not.
+  Links agreements;
+  Links contradictions;
+  for (const auto& [pair_id, pair] : pairs) {
+    if (Confirms(pair)) AddLink(pair_id, &confirmations);
+    if (pair.status == PairStatus::VALID && pair.has_scale) {
+      AddLink(pair_id, &agreements);
+    } else if (pair.status == PairStatus::DEPTH_INCONSISTENT) {
+      AddLink(pair_id, &contradictions);
+    }
+  }
+  const Images taken = TakeOutWorst(confirmations, contradictions);
+  const auto num_left = [&taken](const Images& images) {
+    return std::count_if(images.begin(), images.end(), [&](auto image_id) {
+      return taken.count(image_id) == 0;
+    });
+  };
+  // Where all maps are bad, the last ones are left without contradictions, but
+  // next to none agrees with them either.
+  Images unreliable = taken;
+  for (const auto& [image_id, others] : contradictions) {
+    if (int(others.size()) >= kMinNumContradictions &&
+        num_left(LinkedTo(confirmations, image_id)) == 0 &&
+        num_left(LinkedTo(agreements, image_id)) < int(others.size())) {
       unreliable.insert(image_id);
     }
   }

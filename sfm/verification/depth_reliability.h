@@ -15,8 +15,9 @@ namespace dgsfm {
 // the depth test rejects (DEPTH_INCONSISTENT), at least two of them, since one
 // may be false. It is confirmed by valid pairs with a well-determined scale
 // ratio. The worst map is taken out first, and its pairs then no longer count
-// against the maps of the other images; but those that were contradicted, and
-// that no map which stays confirms, follow it.
+// against the maps of the other images. In the end those follow that no map
+// left confirms, and that more maps contradict than maps left have a scale with
+// them, however uncertain.
 std::vector<colmap::image_t> FindUnreliableDepths(const PairGeometries& pairs);
 
 }  // namespace dgsfm

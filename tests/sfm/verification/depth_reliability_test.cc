@@ -71,6 +71,22 @@ TEST(DepthReliability, UncertainScaleConfirmsNothing) {
   EXPECT_THAT(FindUnreliableDepths(pairs), ElementsAre(1));
 }
 
+// Scales may be uncertain throughout, as where focal lengths are unknown.
+TEST(DepthReliability, MapThatAgreesWithMostStaysUnconfirmed) {
+  PairGeometries pairs;
+  for (colmap::image_t image_id = 1; image_id <= 5; ++image_id) {
+    for (const colmap::image_t bad : {8, 9}) {
+      pairs[PairIdOfImages(image_id, bad)] = Contradiction();
+    }
+    for (colmap::image_t other = image_id + 1; other <= 5; ++other) {
+      PairGeometry pair = Confirmation();
+      pair.log_scale_stddev = 0.1;
+      pairs[PairIdOfImages(image_id, other)] = pair;
+    }
+  }
+  EXPECT_THAT(FindUnreliableDepths(pairs), ElementsAre(8, 9));
+}
+
 // Unrelated maps of all images: the pairs of the last ones have no depth to
 // contradict once the others are gone.
 TEST(DepthReliability, NoMapStaysWhereAllContradictEachOther) {
