@@ -8,6 +8,9 @@ import sqlite3
 from collections.abc import Collection
 from pathlib import Path
 
+import numpy as np
+import pycolmap
+
 from .errors import BenchmarkError
 
 # pair_id = image_id1 * kMaxNumImages + image_id2, in every COLMAP.
@@ -109,6 +112,27 @@ def _merge_cameras(connection):
         connection.execute("UPDATE frames SET rig_id = ?", rig)
         connection.execute("UPDATE frame_data SET sensor_id = ?", (camera,))
         connection.execute("DELETE FROM rigs WHERE rig_id != ?", rig)
+
+
+def set_prior_focal_lengths(path: Path, focal_lengths: dict[str, float]) -> None:
+    """Sets the focal length of each image's camera [px], and says that it is
+    a prior, as COLMAP's extractor does where an image has EXIF data."""
+    with contextlib.closing(sqlite3.connect(path)) as connection, connection:
+        rows = connection.execute(
+            "SELECT name, camera_id, model, params FROM images"
+            " JOIN cameras USING (camera_id)"
+        ).fetchall()
+        for name, camera_id, model, params in rows:
+            camera = pycolmap.Camera(
+                model=model, params=np.frombuffer(params, float)
+            )
+            for i in camera.focal_length_idxs():
+                camera.params[i] = focal_lengths[name]
+            connection.execute(
+                "UPDATE cameras SET params = ?, prior_focal_length = 1"
+                " WHERE camera_id = ?",
+                (np.asarray(camera.params).tobytes(), camera_id),
+            )
 
 
 def drop_descriptors(path: Path) -> None:

@@ -24,8 +24,9 @@ import h5py
 import numpy as np
 
 from .errors import BenchmarkError
+from .files import value_digest
 from .geometry import Pose, rotation_from_quaternion
-from .model import read_model
+from .model import read_focal_lengths, read_model
 from .scene import Scan, Scene
 
 Options = Mapping[str, object]
@@ -50,7 +51,9 @@ def load_plain(path: Path, options: Options) -> list[Scene]:
     Options: scenes = names (default: all folders). Of the set or of a scene:
     folder (default: the scene's name, so that a folder can be several
     scenes), database and truth = names in the folder, position_accuracy,
-    images = places in the order of names, as "0:5,9:12".
+    images = places in the order of names, as "0:5,9:12", exif_error = 0.03:
+    the database gets focal lengths as of EXIF data, with relative errors of
+    up to this, the same one for all images of a single camera.
     """
     if (path / "gt").is_dir():
         return [_plain_scene(path, path.name, options)]
@@ -208,6 +211,10 @@ def _plain_scene(folder: Path, name: str, options: Options) -> Scene:
         values["database"] = folder / str(options["database"])
         if not values["database"].exists():
             raise BenchmarkError(f"'{values['database']}' does not exist")
+    if "exif_error" in options:
+        values["prior_focal_lengths"] = _exif_focal_lengths(
+            read_focal_lengths(truth), name, options
+        )
     poses = read_model(truth).poses
     return _scene(
         folder,
@@ -217,6 +224,19 @@ def _plain_scene(folder: Path, name: str, options: Options) -> Scene:
         position_accuracy=options.get("position_accuracy", LASER_ACCURACY),
         **values,
     )
+
+
+def _exif_focal_lengths(truth, scene_name, options):
+    def error(key):
+        seed = int(value_digest(key)[:8], 16)
+        bound = options["exif_error"]
+        return np.random.default_rng(seed).uniform(-bound, bound)
+
+    single = options.get("single_camera", False)
+    return {
+        name: focal * (1 + error([scene_name, "" if single else name]))
+        for name, focal in truth.items()
+    }
 
 
 def _places(names: list[str], options: Options) -> list[str]:

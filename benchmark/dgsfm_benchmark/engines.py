@@ -2,7 +2,8 @@
 
 type = "dgsfm": this project's program. depth = folder of depth maps (a key of
     Scene.depth_folders), "database" for depth that the database already has,
-    or "none"; of a list of these the first one that a scene has. options =
+    or "none"; of a list of these the first one that a scene has. depth_change
+    = how the maps are changed first (depth_changes.CHANGES). options =
     table of its options without the leading dashes; verify_first = true
     verifies the pairs in a program of its own, so that time and memory of the
     rest are known. With options = { measure_repeatability = 1 } runs have a

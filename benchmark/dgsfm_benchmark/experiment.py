@@ -56,7 +56,7 @@ SCENE_FACTS = {
 # ... and all else that may be said of a scene: to its loader and importer.
 SCENE_OPTIONS = SCENE_FACTS | {
     "folder", "database", "truth", "images", "position_accuracy",
-    "depth_options",
+    "depth_options", "exif_error",
 }  # fmt: skip
 
 

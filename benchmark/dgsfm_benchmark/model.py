@@ -41,6 +41,15 @@ def read_model(path: Path) -> Model:
     )
 
 
+def read_focal_lengths(path: Path) -> dict[str, float]:
+    """Mean focal lengths of a COLMAP model's images [px], by name."""
+    reconstruction = pycolmap.Reconstruction(str(path))
+    return {
+        image.name: reconstruction.cameras[image.camera_id].mean_focal_length()
+        for image in reconstruction.images.values()
+    }
+
+
 def read_models(folder: Path) -> list[Model]:
     """All models in the numbered folders of a mapper's output, the one with
     most images (and then points) first."""

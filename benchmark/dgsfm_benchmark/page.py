@@ -87,9 +87,8 @@ def render(results: Results) -> dict[Path, str]:
 def _place(item: tuple[str, dict]) -> tuple[int, str]:
     name = item[0]
     order = [
-        "real_photos", "depth_decides", "speed", "depth_quality", "ablation",
-        "ablation_synthetic",
-        "scaling",
+        "real_photos", "depth_decides", "wrong_depth", "speed", "depth_quality",
+        "ablation", "ablation_synthetic", "scaling",
     ]  # fmt: skip
     return (order.index(name) if name in order else len(order), name)
 

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 import pycolmap
 
-from .database import copy_with_images, drop_descriptors, merge_cameras
+from .database import (
+    copy_with_images,
+    drop_descriptors,
+    merge_cameras,
+    set_prior_focal_lengths,
+)
+from .depth_changes import CHANGES, change_depth
 from .engines import NO_DEPTH, run_pycolmap
 from .errors import BenchmarkError
 from .files import file_digest, slug, value_digest
@@ -55,36 +62,52 @@ class Preparation:
         depth: str,
         depth_options: list[str],
         one_camera: bool = False,
+        depth_change: str | None = None,
     ) -> Path:
-        """Database of a scene with a kind of depth that it has, and one
-        camera entry for all images if that is wanted."""
+        """Database of a scene with a kind of depth that it has, changed by
+        one of CHANGES, and one camera entry for all images if that is
+        wanted."""
         folder = self.folder / slug(scene.name)
         folder.mkdir(parents=True, exist_ok=True)
         base = scene.database or self._collection_database(scene.image_folder)
         # Synthetic scenes change with the program.
         cameras = "one_camera-" if one_camera else ""
+        priors = scene.prior_focal_lengths
+        if priors:
+            cameras += value_digest(sorted(priors.items())) + "-"
         path = folder / f"{NO_DEPTH}-{cameras}{file_digest(base)}.db"
         if not path.exists():
             temporary = folder / "new.db"
             copy_with_images(base, temporary, scene.truth.keys())
             if one_camera:
                 merge_cameras(temporary)
+            if priors:
+                set_prior_focal_lengths(temporary, priors)
             os.replace(temporary, path)
         if depth not in scene.depth_folders:
             return path
         return self._with_depth(
-            path, scene.depth_folders[depth], depth, depth_options
+            path, scene.depth_folders[depth], depth, depth_options, depth_change
         )
 
-    def _with_depth(self, base, depth_folder, depth, depth_options):
+    def _with_depth(self, base, depth_folder, depth, depth_options, change):
         # Another program may store depth otherwise.
         key = value_digest(
             [file_digest(self.program), depth_options, base.name]
+            + ([change] if change else [])
         )
         path = base.with_name(f"{depth}-{key}.db")
-        if not path.exists():
-            temporary = base.with_name("new.db")
-            temporary.write_bytes(base.read_bytes())
+        if path.exists():
+            return path
+        temporary = base.with_name("new.db")
+        temporary.write_bytes(base.read_bytes())
+        with tempfile.TemporaryDirectory(dir=base.parent) as changed:
+            if change:
+                change_depth(depth_folder, Path(changed), change)
+                depth_folder = Path(changed)
+                depth_options = [
+                    *depth_options, *CHANGES[change].importer_options
+                ]  # fmt: skip
             run_program(
                 [
                     str(self.program), "depth_importer",
@@ -94,7 +117,7 @@ class Preparation:
                 ],
                 base.with_name("log.txt"),
             )  # fmt: skip
-            os.replace(temporary, path)
+        os.replace(temporary, path)
         return path
 
     def _collection_database(self, image_folder: Path) -> Path:

@@ -160,6 +160,7 @@ def _scene_runs(
             engine.depth,
             depth_options.get(engine.depth, []),
             scene.merge_cameras or engine.one_camera,
+            engine.spec.get("depth_change"),
         )
         runs.append(
             Run(
@@ -249,6 +250,8 @@ def _scale_error(run: Run, metrics: dict) -> dict[str, float]:
     """By how much the unit of depth comes out wrong; 0.01 is 1 %."""
     unit = run.scene.depth_unit(run.engine.depth)
     if run.engine.depth == NO_DEPTH or unit is None or "scale" not in metrics:
+        return {}
+    if "depth_change" in run.engine.spec:
         return {}
     return {"scale_error": abs(metrics["scale"] / unit - 1)}
 

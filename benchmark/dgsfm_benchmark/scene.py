@@ -49,6 +49,10 @@ class Scene:
     single_camera: bool = False
     # ... and whether the database gets one camera entry for all of them.
     merge_cameras: bool = False
+    # Focal lengths by image [px] that the database gets as if from EXIF data.
+    prior_focal_lengths: dict[str, float] = dataclasses.field(
+        default_factory=dict
+    )
     # What a synthetic scene was made with, for tables and plots.
     parameters: dict = dataclasses.field(default_factory=dict)
 
