@@ -60,6 +60,11 @@ std::string PairStatusName(PairStatus status) {
   return NameOf(kStatusNames, status, "pair status");
 }
 
+bool StaysOut(PairStatus status) {
+  return status == PairStatus::LOW_PAIR_SCORE ||
+         status == PairStatus::POSITION_OUTLIER;
+}
+
 std::string PairStageName(PairStage stage) {
   return NameOf(kStageNames, stage, "stage of pairs");
 }

@@ -38,6 +38,10 @@ enum class PairStatus : int {
 // Name as in logs and report.json, e.g. "too_few_inliers".
 std::string PairStatusName(PairStatus status);
 
+// Whether imported scores or positions excluded the pair: agreement with a
+// model does not bring it back.
+bool StaysOut(PairStatus status);
+
 // A stage that decides whether a pair takes part. Names as in report.json.
 enum class PairStage {
   VERIFICATION,

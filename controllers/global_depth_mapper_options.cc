@@ -146,6 +146,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("camera_ties", &options->skip_camera_ties);
   skip("loss_adaptation", &options->skip_loss_adaptation);
   skip("retriangulation", &options->skip_retriangulation);
+  skip("image_resection", &options->skip_image_resection);
   skip("match_completion", &options->skip_match_completion);
   skip("pair_judging", &options->skip_pair_judging);
   skip("rotation_alternatives", &options->averaging.skip_alternatives);

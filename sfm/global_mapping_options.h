@@ -79,6 +79,9 @@ struct DepthGlobalMapperOptions {
   bool skip_loss_adaptation = false;
   // Completion of tracks after bundle adjustment.
   bool skip_retriangulation = false;
+  // New poses for images whose matches contradict theirs, before tracks are
+  // completed.
+  bool skip_image_resection = false;
   // All matches that agree with the model are candidates of the completion,
   // else only the inliers of valid pairs.
   bool skip_match_completion = false;

@@ -200,7 +200,10 @@ std::string DescribeCompletion(const Reports& reports) {
          CountText(reports.Sum("observations_filtered"), "observation") +
          " left out, " + CountText(reports.Count("points"), "point") +
          ", error " + Number("%.2f", reports.Find("rms_px").value_or(0)) +
-         " px rms";
+         " px rms" +
+         IfAny(reports.Sum("images_moved") + reports.Sum("images_registered"),
+               "image",
+               "placed anew");
 }
 
 std::string DescribeScale(const Reports& reports) {

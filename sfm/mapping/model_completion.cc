@@ -6,7 +6,9 @@
 #include "colmap_ext/progress.h"
 #include "estimators/two_view/two_view_model.h"
 #include "estimators/two_view/two_view_residuals.h"
+#include "sfm/mapping/image_resection.h"
 #include "sfm/mapping/model_access.h"
+#include "sfm/mapping/model_refinement.h"
 #include "sfm/verification/centered_point.h"
 
 #include <colmap/base/correspondence_graph.h>
@@ -197,13 +199,6 @@ bool AgreesWithPoints(const colmap::Reconstruction& model,
   return num_agreeing >= min_num_matches && 2 * num_agreeing > num_judged;
 }
 
-// Agreement with a model does not bring back what imported scores or positions
-// excluded.
-bool StaysOut(PairStatus status) {
-  return status == PairStatus::LOW_PAIR_SCORE ||
-         status == PairStatus::POSITION_OUTLIER;
-}
-
 // The inliers of the valid pairs between registered images.
 AgreeingMatches InliersOf(const PairGeometries& pairs,
                           const ModelInProgress& progress) {
@@ -348,6 +343,11 @@ void CompleteTracks(const MappingContext& context,
   size_t num_filtered = 0;
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
+    if (!context.options.skip_image_resection) {
+      const ResectionSummary resection = ResectImages(context, pairs, progress);
+      timer.Add("images_moved", double(resection.num_moved))
+          .Add("images_registered", double(resection.num_registered));
+    }
     // Better poses agree with more matches than those of the round before.
     const size_t num_gained =
         Retriangulate(context.options.refinement,
@@ -356,6 +356,9 @@ void CompleteTracks(const MappingContext& context,
                           : AgreeingMatchesOf(context, pairs, *progress),
                       &model);
     timer.Add("observations_gained", double(num_gained));
+    // Observations that are far off pull poses out of a valley; once they have,
+    // they must not pull any more.
+    if (round > 0) FilterObservations(context.options.refinement, 1.0, &model);
     num_filtered = AdjustAgain(context, progress, &timer);
     timer.Finish(&log->stages);
     if (!IsWorthARound(num_gained + num_filtered, model)) break;

@@ -584,6 +584,7 @@ TEST(GlobalMapping, EveryStageCanBeSwitchedOff) {
                               &Options::skip_self_calibration,
                               &Options::skip_camera_ties,
                               &Options::skip_loss_adaptation,
+                              &Options::skip_image_resection,
                               &Options::skip_match_completion,
                               &Options::skip_pair_judging,
                               &Options::skip_retriangulation}) {
