@@ -82,7 +82,6 @@ CHANGES = {
     "permuted": DepthChange(_permuted),
     "a third mirrored": DepthChange(_each(np.fliplr, 3)),
     "mirrored": DepthChange(_each(np.fliplr)),
-    "transposed": DepthChange(_each(np.transpose)),
     "half-turned": DepthChange(_each(lambda depth: np.rot90(depth, 2))),
     "inverse": DepthChange(_each(_inverse)),
     "constant": DepthChange(_each(_constant)),

@@ -105,9 +105,10 @@ class Preparation:
             if change:
                 change_depth(depth_folder, Path(changed), change)
                 depth_folder = Path(changed)
-                depth_options = [
-                    *depth_options, *CHANGES[change].importer_options
-                ]  # fmt: skip
+                # Another kind of depth has no use for the options of this.
+                depth_options = (
+                    CHANGES[change].importer_options or depth_options
+                )
             run_program(
                 [
                     str(self.program), "depth_importer",
