@@ -13,9 +13,9 @@ from pathlib import Path
 from . import page
 from .compare import METHOD, compare
 from .errors import BenchmarkError
-from .experiment import PROJECT, read_experiment
+from .experiment import PROJECT, read_experiment, with_engines
 from .runner import Settings, run_experiment
-from .storage import EXPERIMENTS, definition
+from .storage import EXPERIMENTS, definition, with_stored_runs
 
 
 def main() -> int:
@@ -75,6 +75,12 @@ def _add_run(commands) -> None:
         "--fresh", action="store_true", help="repeat runs that are there"
     )
     run.add_argument(
+        "--engines",
+        nargs="+",
+        metavar="ENGINE",
+        help="run these alone, and keep the stored runs of the others",
+    )
+    run.add_argument(
         "--output",
         type=Path,
         help="JSON file of the results, instead of the stored ones",
@@ -122,7 +128,12 @@ def _run(arguments) -> None:
         if path.suffix != ".toml":
             path = EXPERIMENTS / f"{name}.toml"
         experiment = read_experiment(path)
-        records = run_experiment(experiment, settings)
+        stored = results.get(experiment.name, {})
+        records = run_experiment(
+            with_engines(experiment, arguments.engines), settings
+        )
+        if arguments.engines:
+            records = with_stored_runs(records, stored, experiment)
         results[experiment.name] = {
             **definition(experiment),
             "date": datetime.date.today().isoformat(),
@@ -131,6 +142,8 @@ def _run(arguments) -> None:
             "commit": _commit(),
             "jobs": arguments.jobs,
             "engines": list(experiment.engines),
+            # Of the engines that did not run.
+            "versions": stored.get("versions", {}) if arguments.engines else {},
             "datasets": list(experiment.datasets),
             "records": records,
         }

@@ -120,6 +120,28 @@ def read_experiment(path: Path) -> Experiment:
     )
 
 
+def with_engines(
+    experiment: Experiment, names: list[str] | None
+) -> Experiment:
+    """The experiment with the engines of these names alone; all, if None.
+
+    Raises BenchmarkError where it has no engine of a name.
+    """
+    if names is None:
+        return experiment
+    known = [engine["name"] for engine in experiment.engines]
+    for name in names:
+        if name not in known:
+            raise BenchmarkError(
+                f"experiment '{experiment.name}' has no engine '{name}', but "
+                + ", ".join(known)
+            )
+    return dataclasses.replace(
+        experiment,
+        engines=tuple(e for e in experiment.engines if e["name"] in names),
+    )
+
+
 def _scene_tables(path: Path, dataset: dict) -> dict[str, dict]:
     """What is said of scenes: in a file that experiments share, and here."""
     tables = {}

@@ -100,6 +100,27 @@ def store_runs(results: dict[str, dict], path: Path = RUNS) -> None:
         write_text(path / f"{name}.json", text)
 
 
+def with_stored_runs(
+    records: list[dict], stored: dict, experiment: Experiment
+) -> list[dict]:
+    """The records, and those of a stored result that are of the experiment's
+    other engines, scene by scene."""
+    ran = {record["engine"] for record in records}
+    names = {engine["name"] for engine in experiment.engines} - ran
+    kept = [r for r in stored.get("records", []) if r["engine"] in names]
+    scenes: dict[tuple, list[dict]] = {}
+    for record in [*records, *kept]:
+        key = (record["dataset"], record["scene"])
+        scenes.setdefault(key, []).append(record)
+    return [
+        record
+        for key in scenes
+        for record in sorted(
+            scenes[key], key=lambda r: (r["engine"], r["seed"])
+        )
+    ]
+
+
 def described(name: str, result: dict) -> dict:
     """A result with all that the pages ask for: results may be older than the
     roles of scenes and the names of engines."""
@@ -118,7 +139,9 @@ def described(name: str, result: dict) -> dict:
     values["engines"] = [
         {**spec, "name": titles[spec["name"]]} for spec in specs
     ]
-    values.setdefault("versions", _versions(result["records"], titles))
+    values["versions"] = {
+        **values.get("versions", {}), **_versions(result["records"], titles)
+    }  # fmt: skip
     if values.get("reference") in titles:
         values["reference"] = titles[values["reference"]]
     kinds = {spec["name"]: spec.get("depth", "none") for spec in specs}

@@ -13,8 +13,9 @@ import pycolmap
 from dgsfm_benchmark import page, runner
 from dgsfm_benchmark.database import copy_with_images, merge_cameras
 from dgsfm_benchmark.errors import BenchmarkError
-from dgsfm_benchmark.experiment import read_experiment
+from dgsfm_benchmark.experiment import read_experiment, with_engines
 from dgsfm_benchmark.process import run_program
+from dgsfm_benchmark.storage import EXPERIMENTS, with_stored_runs
 
 # A mapper that takes the truth of its scene, found beside the images, writes
 # it as its model, and notes in a file that it ran.
@@ -353,6 +354,37 @@ class ExperimentFilesTest(unittest.TestCase):
                 path.write_text(head + text)
                 with self.assertRaisesRegex(BenchmarkError, message):
                     read_experiment(path)
+
+    def test_engines_run_alone_beside_stored_runs_of_others(self):
+        experiment = read_experiment(EXPERIMENTS / "real_photos.toml")
+        part = with_engines(experiment, ["COLMAP global"])
+        self.assertEqual([e["name"] for e in part.engines], ["COLMAP global"])
+        with self.assertRaisesRegex(BenchmarkError, "no engine 'x', but no depth"):
+            with_engines(experiment, ["x"])
+
+        def run(scene, engine, seconds):
+            return {
+                "dataset": "shared", "scene": scene, "engine": engine,
+                "seed": 0, "seconds": seconds,
+            }  # fmt: skip
+
+        merged = with_stored_runs(
+            [run("a", "no depth", 1), run("b", "no depth", 1)],
+            {
+                "records": [
+                    run("a", "COLMAP global", 2), run("a", "no depth", 2),
+                    run("b", "an engine of old", 2),
+                ]
+            },
+            experiment,
+        )  # fmt: skip
+        self.assertEqual(
+            merged,
+            [
+                run("a", "COLMAP global", 2), run("a", "no depth", 1),
+                run("b", "no depth", 1),
+            ],
+        )  # fmt: skip
 
     def test_faults_are_named(self):
         with tempfile.TemporaryDirectory() as folder:
