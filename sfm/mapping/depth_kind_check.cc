@@ -39,7 +39,7 @@ std::vector<std::string> WarningsOfDepthKinds(const Scene& scene,
           image,
           scene.cameras.at(image.CameraId()),
           found->second,
-          DepthsOfModel(*model, model->Image(image_id))));
+          {DepthsOfModel(*model, model->Image(image_id))}));
     }
   }
   std::vector<std::string> warnings;

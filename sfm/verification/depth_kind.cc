@@ -15,6 +15,10 @@ constexpr int kNumArrangements = 8;
 // Cells along each side of an image in which the nearest key point is looked
 // for; its distance is at most about one cell.
 constexpr int kNumCells = 48;
+// Images, and pairs of each, that show the kind before there is a model: more
+// show the same.
+constexpr size_t kMaxNumImagesByPairs = 50;
+constexpr size_t kMaxNumPairsOfImage = 5;
 // How much better the other kind or arrangement has to be.
 constexpr double kMinAdvantage = 0.3;
 
@@ -132,22 +136,29 @@ std::vector<double> ConcordancesByArrangement(
     const colmap::Image& image,
     const colmap::Camera& camera,
     const KeypointDepths& depths,
-    const std::vector<MeasuredDepth>& measured) {
+    const std::vector<MeasuredDepths>& measured) {
   const NearestValues values(image, camera, depths);
   std::vector<double> concordances;
   for (int k = 0; k < kNumArrangements; ++k) {
-    std::vector<AffineDepthSample> samples;
-    for (const MeasuredDepth& point : measured) {
-      const Eigen::Vector2d place =
-          values.PlaceOf(image.Point2D(point.point2D_idx).XY());
-      const double value = values.At(PlaceInMap(k, place.x(), place.y()));
-      if (value != 0 && point.depth > 0) {
-        samples.push_back({value, point.depth});
+    double sum = 0;
+    size_t num_samples = 0;
+    for (const MeasuredDepths& of_unit : measured) {
+      std::vector<AffineDepthSample> samples;
+      for (const MeasuredDepth& point : of_unit) {
+        const Eigen::Vector2d place =
+            values.PlaceOf(image.Point2D(point.point2D_idx).XY());
+        const double value = values.At(PlaceInMap(k, place.x(), place.y()));
+        if (value != 0 && point.depth > 0) {
+          samples.push_back({value, point.depth});
+        }
       }
+      sum += double(samples.size()) * Concordance(samples);
+      num_samples += samples.size();
     }
     const double sign = depths.unit == DepthUnit::AFFINE_DISPARITY ? -1 : 1;
-    concordances.push_back(
-        samples.size() < kMinNumJudgedPlaces ? 0 : sign * Concordance(samples));
+    concordances.push_back(num_samples < kMinNumJudgedPlaces
+                               ? 0
+                               : sign * sum / double(num_samples));
   }
   return concordances;
 }
@@ -177,6 +188,33 @@ std::string ExplainWrongKind(
                      "by EXIF, import them with --displayed_image_path";
   if (means[best] < 0) text += "; besides, " + KindRemedy(unit);
   return text;
+}
+
+std::string ExplainWrongKindByPairs(const Scene& scene,
+                                    const PairGeometries& pairs,
+                                    const KeypointDepthMap& depths) {
+  std::vector<colmap::image_t> with_maps;
+  for (const auto& [image_id, image_depths] : depths) {
+    if (!IsAffine(image_depths.unit)) with_maps.push_back(image_id);
+  }
+  std::vector<colmap::image_t> image_ids;
+  const size_t step = with_maps.size() / kMaxNumImagesByPairs + 1;
+  for (size_t i = 0; i < with_maps.size(); i += step) {
+    image_ids.push_back(with_maps[i]);
+  }
+  std::vector<std::vector<double>> concordances;
+  for (const auto& [image_id, of_pairs] :
+       MeasureDepthsByPairs(scene, pairs, image_ids, kMaxNumPairsOfImage)) {
+    const colmap::Image& image = scene.images.at(image_id);
+    concordances.push_back(
+        ConcordancesByArrangement(image,
+                                  scene.cameras.at(image.CameraId()),
+                                  depths.at(image_id),
+                                  of_pairs));
+    // Images that pairs say nothing of.
+    if (concordances.back()[0] == 0) concordances.pop_back();
+  }
+  return ExplainWrongKind(DepthUnit::METRIC, concordances);
 }
 
 }  // namespace dgsfm

@@ -22,19 +22,26 @@ enum class MapArrangement {
   ANTI_TRANSPOSED,
 };
 
-// Concordances (see there) of the map of an image with measured depth, for a
+// Concordances (see there) of the map of an image with measured depth, for each
 // way it may lie and for the kind it is said to be; the opposite kind has the
-// negative. 0 where too few places of the map are known: between key points,
-// the nearest one has the value.
+// negative. `measured` has depths of one unit each, by a model or by pairs. 0
+// where too few places of the map are known: between key points, the nearest
+// one has the value.
 std::vector<double> ConcordancesByArrangement(
     const colmap::Image& image,
     const colmap::Camera& camera,
     const KeypointDepths& depths,
-    const std::vector<MeasuredDepth>& measured);
+    const std::vector<MeasuredDepths>& measured);
 
 // What is wrong with the maps as a whole, with the remedy; empty if they are
 // right. `concordances` has an element per image.
 std::string ExplainWrongKind(
     DepthUnit unit, const std::vector<std::vector<double>>& concordances);
+
+// The same by the depths that valid pairs triangulate, of some of the images:
+// what is wrong with the maps, affine ones aside.
+std::string ExplainWrongKindByPairs(const Scene& scene,
+                                    const PairGeometries& pairs,
+                                    const KeypointDepthMap& depths);
 
 }  // namespace dgsfm

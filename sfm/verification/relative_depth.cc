@@ -21,8 +21,6 @@ using Samples = std::vector<AffineDepthSample>;
 constexpr double kMaxDepthError = 0.05;
 // Standard deviation of a key point [px].
 constexpr double kKeypointStddevPx = 0.7;
-// Further pairs of an image show the same, and take memory.
-constexpr size_t kMaxNumPairsToJudge = 5;
 // Values this many standard deviations of the shift from it have no depth.
 constexpr double kMinShiftDeviations = 3;
 
@@ -71,17 +69,20 @@ bool Triangulates(const PairGeometry& pair) {
          !pair.Has(PairDegeneracy::PLANAR);
 }
 
-void AddSample(const KeypointDepths& depths,
-               colmap::point2D_t point2D_idx,
-               double depth,
-               Samples* samples) {
-  const double value = depths.depths.at(point2D_idx);
-  if (value == 0) return;
-  const double predictor =
-      depths.unit == DepthUnit::AFFINE_DISPARITY ? 1 / depth : depth;
-  if (std::isfinite(predictor) && predictor > 0) {
-    samples->push_back({value, predictor});
+Samples SamplesOf(const KeypointDepths& depths,
+                  const MeasuredDepths& measured) {
+  Samples samples;
+  for (const MeasuredDepth& point : measured) {
+    const double value = depths.depths.at(point.point2D_idx);
+    if (value == 0) continue;
+    const double predictor = depths.unit == DepthUnit::AFFINE_DISPARITY
+                                 ? 1 / point.depth
+                                 : point.depth;
+    if (std::isfinite(predictor) && predictor > 0) {
+      samples.push_back({value, predictor});
+    }
   }
+  return samples;
 }
 
 // The depths that a fit gives, with the median 1.
@@ -101,51 +102,6 @@ AffineDepth AffineOf(const KeypointDepths& depths, const AffineDepthFit& fit) {
   return affine;
 }
 
-// Samples of each image, by pairs.
-using ImageSamples = std::map<colmap::image_t, std::vector<Samples>>;
-
-bool HasPairs(const ImageSamples& samples,
-              colmap::image_t image_id,
-              size_t num_pairs) {
-  const auto found = samples.find(image_id);
-  return found != samples.end() && found->second.size() >= num_pairs;
-}
-
-template <typename IsWanted>
-ImageSamples CollectSamples(const Scene& scene,
-                            const PairGeometries& pairs,
-                            const KeypointDepthMap& depths,
-                            size_t max_num_pairs,
-                            const IsWanted& is_wanted) {
-  ImageSamples samples;
-  for (const auto& [pair_id, pair] : pairs) {
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    if (!Triangulates(pair) || (HasPairs(samples, image_id1, max_num_pairs) &&
-                                HasPairs(samples, image_id2, max_num_pairs))) {
-      continue;
-    }
-    const auto triangulated = TriangulatePair(scene, pair_id, pair);
-    for (const bool is_first : {true, false}) {
-      const colmap::image_t image_id = is_first ? image_id1 : image_id2;
-      const auto found = depths.find(image_id);
-      if (found == depths.end() || !is_wanted(found->second) ||
-          HasPairs(samples, image_id, max_num_pairs)) {
-        continue;
-      }
-      Samples of_pair;
-      for (const TriangulatedMatch& point : triangulated) {
-        AddSample(
-            found->second,
-            is_first ? point.match.point2D_idx1 : point.match.point2D_idx2,
-            is_first ? point.intersection.depth1 : point.intersection.depth2,
-            &of_pair);
-      }
-      samples[image_id].push_back(std::move(of_pair));
-    }
-  }
-  return samples;
-}
-
 }  // namespace
 
 bool HasAffineDepths(const KeypointDepthMap& depths) {
@@ -154,21 +110,52 @@ bool HasAffineDepths(const KeypointDepthMap& depths) {
   });
 }
 
+DepthsOfPairs MeasureDepthsByPairs(
+    const Scene& scene,
+    const PairGeometries& pairs,
+    const std::vector<colmap::image_t>& image_ids,
+    size_t max_num_pairs) {
+  DepthsOfPairs measured;
+  for (const colmap::image_t image_id : image_ids) measured[image_id];
+  for (const auto& [pair_id, pair] : pairs) {
+    if (!Triangulates(pair)) continue;
+    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    const auto is_wanted = [&](colmap::image_t image_id) {
+      const auto found = measured.find(image_id);
+      return found != measured.end() && found->second.size() < max_num_pairs;
+    };
+    const bool wants1 = is_wanted(image_id1), wants2 = is_wanted(image_id2);
+    if (!wants1 && !wants2) continue;
+    MeasuredDepths depths1, depths2;
+    for (const TriangulatedMatch& point :
+         TriangulatePair(scene, pair_id, pair)) {
+      depths1.push_back({point.match.point2D_idx1, point.intersection.depth1});
+      depths2.push_back({point.match.point2D_idx2, point.intersection.depth2});
+    }
+    if (wants1) measured[image_id1].push_back(std::move(depths1));
+    if (wants2) measured[image_id2].push_back(std::move(depths2));
+  }
+  return measured;
+}
+
 RelativeDepthFits FitRelativeDepths(const Scene& scene,
                                     const PairGeometries& pairs,
                                     const KeypointDepthMap& depths,
                                     const AffineDepthFitOptions& options) {
-  ImageSamples samples = CollectSamples(
-      scene,
-      pairs,
-      depths,
-      /*max_num_pairs=*/std::numeric_limits<size_t>::max(),
-      [](const KeypointDepths& image) { return IsAffine(image.unit); });
-  RelativeDepthFits fits;
+  std::vector<colmap::image_t> image_ids;
   for (const auto& [image_id, image_depths] : depths) {
-    if (!IsAffine(image_depths.unit)) continue;
+    if (IsAffine(image_depths.unit)) image_ids.push_back(image_id);
+  }
+  RelativeDepthFits fits;
+  for (const auto& [image_id, of_pairs] : MeasureDepthsByPairs(
+           scene, pairs, image_ids, std::numeric_limits<size_t>::max())) {
+    const KeypointDepths& image_depths = depths.at(image_id);
+    std::vector<Samples> samples;
+    for (const MeasuredDepths& measured : of_pairs) {
+      samples.push_back(SamplesOf(image_depths, measured));
+    }
     RelativeDepthFit& result = fits[image_id];
-    result.fit = FitAffineDepth(samples[image_id], options);
+    result.fit = FitAffineDepth(samples, options);
     if (result.fit.success) {
       result.affine = AffineOf(image_depths, result.fit);
     }
@@ -177,43 +164,14 @@ RelativeDepthFits FitRelativeDepths(const Scene& scene,
 }
 
 RelativeDepthFit FitRelativeDepth(const KeypointDepths& depths,
-                                  const std::vector<MeasuredDepth>& measured) {
-  Samples samples;
-  for (const MeasuredDepth& point : measured) {
-    AddSample(depths, point.point2D_idx, point.depth, &samples);
-  }
+                                  const MeasuredDepths& measured) {
   RelativeDepthFit result;
-  result.fit = FitAffineDepth({samples}, AffineDepthFitOptions());
+  result.fit =
+      FitAffineDepth({SamplesOf(depths, measured)}, AffineDepthFitOptions());
   if (result.fit.success) {
     result.affine = {depths.unit, result.fit.scales[0], result.fit.shift, 0};
   }
   return result;
-}
-
-bool DepthsFallWithDepth(const Scene& scene,
-                         const PairGeometries& pairs,
-                         const KeypointDepthMap& depths) {
-  const ImageSamples samples = CollectSamples(
-      scene,
-      pairs,
-      depths,
-      kMaxNumPairsToJudge,
-      [](const KeypointDepths& image) { return !IsAffine(image.unit); });
-  double sum = 0;
-  size_t num_images = 0;
-  for (const auto& [image_id, of_pairs] : samples) {
-    double sum_of_image = 0;
-    size_t num_samples = 0;
-    for (const Samples& of_pair : of_pairs) {
-      sum_of_image += double(of_pair.size()) * Concordance(of_pair);
-      num_samples += of_pair.size();
-    }
-    if (num_samples < kMinNumJudgedPlaces) continue;
-    sum += sum_of_image / double(num_samples);
-    ++num_images;
-  }
-  return num_images >= kMinNumJudgedImages &&
-         sum < -kMinMeanConcordance * double(num_images);
 }
 
 AffineDepths ApplyRelativeDepthFits(const RelativeDepthFits& fits,

@@ -19,6 +19,10 @@ struct MeasuredDepth {
   double depth = 0;
 };
 
+using MeasuredDepths = std::vector<MeasuredDepth>;
+// By each of some pairs of an image, in the unit of the pair.
+using DepthsOfPairs = std::map<colmap::image_t, std::vector<MeasuredDepths>>;
+
 // Mean concordance over images beyond which maps are of the kind, and lie on
 // their images in the way, that it is measured for: right ones have 0.6 to
 // 0.95, other arrangements of the same maps less.
@@ -39,6 +43,14 @@ using RelativeDepthFits = std::map<colmap::image_t, RelativeDepthFit>;
 // Whether any of the maps is affine.
 bool HasAffineDepths(const KeypointDepthMap& depths);
 
+// Depths of key points of the images that valid pairs triangulate, of at most
+// so many pairs of each. All cameras of the scene count as known.
+DepthsOfPairs MeasureDepthsByPairs(
+    const Scene& scene,
+    const PairGeometries& pairs,
+    const std::vector<colmap::image_t>& image_ids,
+    size_t max_num_pairs);
+
 // Fits the shifts of all affine maps of `depths` to what valid pairs
 // triangulate, which were verified without depth. All cameras of the scene
 // count as known.
@@ -49,14 +61,7 @@ RelativeDepthFits FitRelativeDepths(const Scene& scene,
 
 // The fit of an affine map to depths of one unit, in that unit.
 RelativeDepthFit FitRelativeDepth(const KeypointDepths& depths,
-                                  const std::vector<MeasuredDepth>& measured);
-
-// Whether the maps, affine ones aside, are the reverse of depth: values fall
-// where the depth grows that valid pairs triangulate, in the mean of 3 or more
-// images. So do those of disparity that was imported as depth.
-bool DepthsFallWithDepth(const Scene& scene,
-                         const PairGeometries& pairs,
-                         const KeypointDepthMap& depths);
+                                  const MeasuredDepths& measured);
 
 // Turns the affine maps into depth, those without a usable fit leave. Returns
 // by what.

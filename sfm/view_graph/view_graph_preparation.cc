@@ -2,8 +2,8 @@
 
 #include "colmap_ext/parallel.h"
 #include "sfm/intrinsics/prior_trust.h"
+#include "sfm/verification/depth_kind.h"
 #include "sfm/verification/depth_reliability.h"
-#include "sfm/verification/relative_depth.h"
 #include "sfm/verification/static_background.h"
 
 #include <algorithm>
@@ -128,21 +128,22 @@ KeypointDepthMap DropUnreliableDepths(
   KeypointDepthMap dropped;
   if (options.skip_depth_reliability) return dropped;
   StageTimer timer("depth_reliability");
-  const bool are_reversed = DepthsFallWithDepth(scene, *pairs, *depths);
+  const std::string what_is_wrong =
+      ExplainWrongKindByPairs(scene, *pairs, *depths);
+  const bool are_wrong = !what_is_wrong.empty();
   const std::vector<colmap::image_t> image_ids =
-      are_reversed ? ImagesOf(*depths) : FindUnreliableDepths(*pairs);
-  if (are_reversed) {
-    LOG(WARNING) << "No depth map is used: their values fall where the depth "
-                    "of the pairs grows";
+      are_wrong ? ImagesOf(*depths) : FindUnreliableDepths(*pairs);
+  if (are_wrong) {
+    LOG(WARNING) << "No depth map is used: " << what_is_wrong;
   }
   for (const colmap::image_t image_id : image_ids) {
-    LOG_IF(WARNING, !are_reversed)
+    LOG_IF(WARNING, !are_wrong)
         << "The depth map of image '" << scene.images.at(image_id).Name()
         << "' contradicts its matches and is not used";
     dropped.insert(depths->extract(image_id));
   }
-  // The finished models show the reverse kind, and the message has the remedy.
-  if (!are_reversed &&
+  // The finished models show the kind as well, for the report.
+  if (!are_wrong &&
       double(image_ids.size()) >
           kMaxUnreliableShare * double(image_ids.size() + depths->size())) {
     log->Warn(std::to_string(image_ids.size()) +
