@@ -168,6 +168,20 @@ bool CalibrateSensors(const MappingContext& context,
   return AdjustModel(context, progress, log);
 }
 
+void FreePrincipalPoints(const MappingContext& context,
+                         ModelInProgress* progress) {
+  if (progress->has_little_parallax) {
+    for (const auto& [camera_id, camera] : progress->model.Cameras()) {
+      progress->beliefs.held_principal_points.insert(camera_id);
+    }
+    return;
+  }
+  progress->beliefs.held_principal_points =
+      context.camera_beliefs.held_principal_points;
+  progress->beliefs = CalibrateModel(
+      SelfCalibration(context, *progress), progress->beliefs, &progress->model);
+}
+
 void CalibrateCameras(const MappingContext& context,
                       ModelInProgress* progress,
                       MappingLog* log) {
@@ -178,15 +192,7 @@ void CalibrateCameras(const MappingContext& context,
   }
   if (options.skip_self_calibration) return;
   StageTimer timer("self_calibration");
-  if (progress->has_little_parallax) {
-    for (const auto& [camera_id, camera] : progress->model.Cameras()) {
-      progress->beliefs.held_principal_points.insert(camera_id);
-    }
-  } else {
-    progress->beliefs = CalibrateModel(SelfCalibration(context, *progress),
-                                       progress->beliefs,
-                                       &progress->model);
-  }
+  FreePrincipalPoints(context, progress);
   const CameraBeliefs& beliefs = progress->beliefs;
   timer.Add("groups", double(beliefs.groups.size()))
       .Add("cameras", double(beliefs.NumTiedCameras()))

@@ -32,6 +32,10 @@ void CalibrateCameras(const MappingContext& context,
                       ModelInProgress* progress,
                       MappingLog* log);
 
+// Frees the principal points that the model determines, and holds all others.
+void FreePrincipalPoints(const MappingContext& context,
+                         ModelInProgress* progress);
+
 // Adjusts the model as it is to stay and filters it; returns the number of
 // observations that left.
 size_t AdjustAgain(const MappingContext& context,

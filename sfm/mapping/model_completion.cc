@@ -25,6 +25,9 @@ namespace {
 
 // Share of observations whose removal is worth another round of adjustment.
 constexpr double kMinFilteredShare = 1e-3;
+// Share of new observations that may determine principal points which the model
+// left open before.
+constexpr double kMinGainedShare = 0.2;
 // Rounds of retriangulation and adjustment.
 constexpr int kMaxNumRetriangulationRounds = 2;
 // Rounds of adjustment after these.
@@ -228,6 +231,19 @@ bool IsWorthARound(size_t num_changed, const colmap::Reconstruction& model) {
          kMinFilteredShare * double(model.ComputeNumObservations());
 }
 
+// Tries once more where the model left all principal points open.
+void FreePrincipalPointsLeftOpen(const MappingContext& context,
+                                 ModelInProgress* progress,
+                                 StageTimer* timer) {
+  const auto& held = progress->beliefs.held_principal_points;
+  const size_t num_cameras = progress->model.NumCameras();
+  if (context.options.skip_self_calibration || held.size() < num_cameras) {
+    return;
+  }
+  FreePrincipalPoints(context, progress);
+  timer->Add("principal_points_freed", double(num_cameras - held.size()));
+}
+
 AgreeingMatches AgreeingMatchesOf(const MappingContext& context,
                                   const PairGeometries& pairs,
                                   const ModelInProgress& progress) {
@@ -341,6 +357,7 @@ void CompleteTracks(const MappingContext& context,
     return;
   }
   size_t num_filtered = 0;
+  const size_t num_before = model.ComputeNumObservations();
   for (int round = 0; round < kMaxNumRetriangulationRounds; ++round) {
     StageTimer timer("retriangulation");
     if (!context.options.skip_image_resection) {
@@ -360,6 +377,9 @@ void CompleteTracks(const MappingContext& context,
     // they must not pull any more.
     if (round > 0) FilterObservations(context.options.refinement, 1.0, &model);
     num_filtered = AdjustAgain(context, progress, &timer);
+    if (round == 0 && num_gained >= kMinGainedShare * num_before) {
+      FreePrincipalPointsLeftOpen(context, progress, &timer);
+    }
     timer.Finish(&log->stages);
     if (!IsWorthARound(num_gained + num_filtered, model)) break;
   }

@@ -217,4 +217,16 @@ std::string ExplainWrongKindByPairs(const Scene& scene,
   return ExplainWrongKind(DepthUnit::METRIC, concordances);
 }
 
+bool HasOneValue(const KeypointDepths& depths) {
+  float value = 0;
+  size_t num_known = 0;
+  for (const float depth : depths.depths) {
+    if (depth == 0) continue;
+    if (num_known > 0 && depth != value) return false;
+    value = depth;
+    ++num_known;
+  }
+  return num_known >= kMinNumJudgedPlaces;
+}
+
 }  // namespace dgsfm

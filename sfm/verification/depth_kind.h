@@ -44,4 +44,7 @@ std::string ExplainWrongKindByPairs(const Scene& scene,
                                     const PairGeometries& pairs,
                                     const KeypointDepthMap& depths);
 
+// Whether a map has one value wherever it is known, and so says nothing.
+bool HasOneValue(const KeypointDepths& depths);
+
 }  // namespace dgsfm

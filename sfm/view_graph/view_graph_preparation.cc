@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include <glog/logging.h>
@@ -56,6 +57,61 @@ std::vector<colmap::image_t> ImagesOf(const KeypointDepthMap& depths) {
     image_ids.push_back(image_id);
   }
   return image_ids;
+}
+
+std::vector<colmap::image_t> ImagesWithoutRelief(
+    const KeypointDepthMap& depths) {
+  std::vector<colmap::image_t> image_ids;
+  for (const auto& [image_id, image_depths] : depths) {
+    if (HasOneValue(image_depths)) image_ids.push_back(image_id);
+  }
+  return image_ids;
+}
+
+// Of two sorted lists.
+std::vector<colmap::image_t> Union(const std::vector<colmap::image_t>& a,
+                                   const std::vector<colmap::image_t>& b) {
+  std::vector<colmap::image_t> both;
+  std::set_union(
+      a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
+  return both;
+}
+
+// Images whose depth maps are not used, in increasing order, with the reasons
+// in the log.
+std::vector<colmap::image_t> FindUnusableDepths(const Scene& scene,
+                                                const PairGeometries& pairs,
+                                                const KeypointDepthMap& depths,
+                                                MappingLog* log) {
+  const std::string what_is_wrong =
+      ExplainWrongKindByPairs(scene, pairs, depths);
+  if (!what_is_wrong.empty()) {
+    // The finished models show it as well, for the report.
+    LOG(WARNING) << "No depth map is used: " << what_is_wrong;
+    return ImagesOf(depths);
+  }
+  const std::vector<colmap::image_t> without_relief =
+      ImagesWithoutRelief(depths);
+  if (!without_relief.empty()) {
+    log->Warn(std::to_string(without_relief.size()) +
+              " depth maps have one value everywhere and are not used");
+  }
+  std::vector<colmap::image_t> contradicting;
+  for (const colmap::image_t image_id : FindUnreliableDepths(pairs)) {
+    if (HasOneValue(depths.at(image_id))) continue;
+    LOG(WARNING) << "The depth map of image '"
+                 << scene.images.at(image_id).Name()
+                 << "' contradicts its matches and is not used";
+    contradicting.push_back(image_id);
+  }
+  if (double(contradicting.size()) >
+      kMaxUnreliableShare * double(depths.size())) {
+    log->Warn(std::to_string(contradicting.size()) +
+              " depth maps contradict the matches and are not used: check that "
+              "they belong to the images (orientation, cropping), and that the "
+              "camera model fits the lens");
+  }
+  return Union(contradicting, without_relief);
 }
 
 void VerifyAgain(PairStage stage,
@@ -128,28 +184,10 @@ KeypointDepthMap DropUnreliableDepths(
   KeypointDepthMap dropped;
   if (options.skip_depth_reliability) return dropped;
   StageTimer timer("depth_reliability");
-  const std::string what_is_wrong =
-      ExplainWrongKindByPairs(scene, *pairs, *depths);
-  const bool are_wrong = !what_is_wrong.empty();
   const std::vector<colmap::image_t> image_ids =
-      are_wrong ? ImagesOf(*depths) : FindUnreliableDepths(*pairs);
-  if (are_wrong) {
-    LOG(WARNING) << "No depth map is used: " << what_is_wrong;
-  }
+      FindUnusableDepths(scene, *pairs, *depths, log);
   for (const colmap::image_t image_id : image_ids) {
-    LOG_IF(WARNING, !are_wrong)
-        << "The depth map of image '" << scene.images.at(image_id).Name()
-        << "' contradicts its matches and is not used";
     dropped.insert(depths->extract(image_id));
-  }
-  // The finished models show the kind as well, for the report.
-  if (!are_wrong &&
-      double(image_ids.size()) >
-          kMaxUnreliableShare * double(image_ids.size() + depths->size())) {
-    log->Warn(std::to_string(image_ids.size()) +
-              " depth maps contradict the matches and are not used: check that "
-              "they belong to the images (orientation, cropping), and that the "
-              "camera model fits the lens");
   }
   const auto is_unreliable = [&](colmap::image_t image_id) {
     return std::binary_search(image_ids.begin(), image_ids.end(), image_id);

@@ -82,6 +82,16 @@ TEST_F(WrongDepthKind, DisparityIsFoundByPairs) {
   EXPECT_THAT(Explain(), HasSubstr("as disparity does"));
 }
 
+TEST_F(WrongDepthKind, OneValueEverywhereSaysNothing) {
+  KeypointDepths& depths = depths_.begin()->second;
+  EXPECT_FALSE(HasOneValue(depths));
+  for (float& depth : depths.depths) depth = depth > 0 ? 2 : 0;
+  EXPECT_TRUE(HasOneValue(depths));
+  // Too few places to judge by.
+  depths.depths.resize(10);
+  EXPECT_FALSE(HasOneValue(depths));
+}
+
 TEST_F(WrongDepthKind, TwoImagesShowNothing) {
   MoveDepths([](const Eigen::Vector2d& place) {
     return Eigen::Vector2d(1 - place.x(), place.y());
