@@ -316,8 +316,7 @@ DepthGlobalMapperResult RunGlobalMapping(
   JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
   // Models of parts have their focal lengths.
   if (parts.empty()) {
-    result.focals =
-        AverageFocals(options, verification, *depths, scene, pairs, &log);
+    result.focals = AverageFocals(options, *pairs, scene, &log);
     WarnOfPlanes(*scene, *pairs, &log);
   }
   const FrameMembers frames = MembersOf(scene->rigs);

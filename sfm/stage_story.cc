@@ -126,9 +126,6 @@ std::string DescribeCameras(const Reports& reports) {
     }
   }
   return "Focal lengths: " + (sources.empty() ? "as given" : sources) +
-         IfAny(reports.Count("pairs_verified", "reverification"),
-               "pair",
-               "verified with these") +
          IfAny(reports.Count("groups", "static_background"),
                "group",
                "of key points at rest left out") +
@@ -244,9 +241,8 @@ const std::vector<Chapter>& Chapters() {
       {{"static_background",
         "depth_reliability",
         "view_graph_filter",
-        "focal_averaging",
-        "reverification"},
-       "reverification",
+        "focal_averaging"},
+       "focal_averaging",
        false,
        &DescribeCameras},
       {{"rotation_averaging", "rotation_recovery"},

@@ -35,13 +35,11 @@ void FilterPairs(const DepthGlobalMapperOptions& options,
                  MappingLog* log);
 
 // Sets the focal lengths of the scene's cameras to those averaged over pairs,
-// and verifies pairs that lacked them once more. Returns the averages.
+// which it returns.
 std::map<colmap::camera_t, CameraFocal> AverageFocals(
     const DepthGlobalMapperOptions& options,
-    const PairVerificationOptions& verification,
-    const KeypointDepthMap& depths,
+    const PairGeometries& pairs,
     Scene* scene,
-    PairGeometries* pairs,
     MappingLog* log);
 
 // Warns if nearly all pairs see planes while focal lengths are unknown.
