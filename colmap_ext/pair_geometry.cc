@@ -30,6 +30,7 @@ constexpr StageName kStageNames[] = {
     {PairStage::STATIC_BACKGROUND, "static_background"},
     {PairStage::DEPTH_RELIABILITY, "depth_reliability"},
     {PairStage::VIEW_GRAPH_FILTER, "view_graph_filter"},
+    {PairStage::REVERIFICATION, "reverification"},
     {PairStage::ROTATION_AVERAGING, "rotation_averaging"},
     {PairStage::ROTATION_RECOVERY, "rotation_recovery"},
     {PairStage::TRANSLATION_AVERAGING, "translation_averaging"},

@@ -48,6 +48,7 @@ enum class PairStage {
   STATIC_BACKGROUND,  // verified again without matches at rest
   DEPTH_RELIABILITY,  // verified again without a depth map
   VIEW_GRAPH_FILTER,  // imported scores, triplets, given positions
+  REVERIFICATION,     // verified again with averaged focal lengths
   ROTATION_AVERAGING,
   ROTATION_RECOVERY,  // verified again with averaged rotations
   TRANSLATION_AVERAGING,

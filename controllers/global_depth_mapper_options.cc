@@ -135,6 +135,7 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("depth_reliability", &options->skip_depth_reliability);
   skip("pair_scores", &options->skip_pair_scores);
   skip("focal_averaging", &options->skip_focal_averaging);
+  skip("reverification", &options->skip_reverification);
   skip("rotation_recovery", &options->skip_rotation_recovery);
   skip("scale_averaging", &options->skip_scale_averaging);
   skip("translation_averaging", &options->skip_translation_averaging);
@@ -366,6 +367,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   mapper.georeferencing.upright = false;
   mapper.skip_static_background = true;
   mapper.skip_depth_reliability = true;
+  mapper.skip_reverification = true;
   mapper.skip_translation_averaging = true;
   mapper.averaging.skip_alternatives = true;
   mapper.skip_self_calibration = true;

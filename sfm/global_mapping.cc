@@ -316,7 +316,8 @@ DepthGlobalMapperResult RunGlobalMapping(
   JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
   // Models of parts have their focal lengths.
   if (parts.empty()) {
-    result.focals = AverageFocals(options, *pairs, scene, &log);
+    result.focals =
+        AverageFocals(options, verification, *depths, scene, pairs, &log);
     WarnOfPlanes(*scene, *pairs, &log);
   }
   const FrameMembers frames = MembersOf(scene->rigs);

@@ -50,6 +50,9 @@ struct DepthGlobalMapperOptions {
   bool skip_depth_reliability = false;
   bool skip_pair_scores = false;
   bool skip_focal_averaging = false;
+  // The second verification of the pairs with the averaged focal lengths,
+  // which the paper does not have.
+  bool skip_reverification = false;
   // The second verification, with averaged rotations, of the pairs without a
   // geometry or with another rotation; not in the paper.
   bool skip_rotation_recovery = false;

@@ -126,6 +126,9 @@ std::string DescribeCameras(const Reports& reports) {
     }
   }
   return "Focal lengths: " + (sources.empty() ? "as given" : sources) +
+         IfAny(reports.Count("pairs_verified", "reverification"),
+               "pair",
+               "verified with these") +
          IfAny(reports.Count("groups", "static_background"),
                "group",
                "of key points at rest left out") +
@@ -241,8 +244,9 @@ const std::vector<Chapter>& Chapters() {
       {{"static_background",
         "depth_reliability",
         "view_graph_filter",
-        "focal_averaging"},
-       "focal_averaging",
+        "focal_averaging",
+        "reverification"},
+       "reverification",
        false,
        &DescribeCameras},
       {{"rotation_averaging", "rotation_recovery"},

@@ -25,6 +25,32 @@ constexpr double kMaxMotion = 3;
 // Share of valid pairs that see one plane beyond which a warning is due.
 constexpr double kMaxPlanarShare = 0.8;
 
+// Relative difference from averaged focal lengths up to which pairs are not
+// verified again: calibrated ones are not better.
+constexpr double kMaxFocalDifference = 0.01;
+
+// Whether the focal lengths of a pair may be far off: without depth, or where
+// its matches leave them open. The others gain nothing from averaged ones.
+bool LacksFocals(const PairGeometry& pair) {
+  return !pair.has_scale || pair.Has(PairDegeneracy::WEAK_FOCAL1) ||
+         pair.Has(PairDegeneracy::WEAK_FOCAL2);
+}
+
+// Whether the focal lengths of a pair differ from those of its cameras.
+bool HasOtherFocals(const Scene& scene,
+                    colmap::image_pair_t pair_id,
+                    const PairGeometry& pair) {
+  const auto differs = [&](colmap::image_t image_id, double focal_length_px) {
+    const colmap::Camera& camera =
+        scene.cameras.at(scene.images.at(image_id).CameraId());
+    return !(std::abs(focal_length_px / camera.MeanFocalLength() - 1) <=
+             kMaxFocalDifference);
+  };
+  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+  return differs(image_id1, pair.focal_length1_px) ||
+         differs(image_id2, pair.focal_length2_px);
+}
+
 std::vector<colmap::image_t> ImagesOf(const KeypointDepthMap& depths) {
   std::vector<colmap::image_t> image_ids;
   for (const auto& [image_id, image_depths] : depths) {
@@ -203,19 +229,52 @@ void FilterPairs(const DepthGlobalMapperOptions& options,
 
 std::map<colmap::camera_t, CameraFocal> AverageFocals(
     const DepthGlobalMapperOptions& options,
-    const PairGeometries& pairs,
+    const PairVerificationOptions& verification,
+    const KeypointDepthMap& depths,
     Scene* scene,
+    PairGeometries* pairs,
     MappingLog* log) {
   if (options.skip_focal_averaging) return {};
   StageTimer timer("focal_averaging");
   const auto focals =
-      AverageFocalsOfCameras(pairs, options.TiesCameras(), scene);
+      AverageFocalsOfCameras(*pairs, options.TiesCameras(), scene);
   std::map<FocalSource, size_t> num_cameras;
   for (const auto& [camera_id, focal] : focals) ++num_cameras[focal.source];
   for (const auto& [source, count] : num_cameras) {
     timer.Add(FocalSourceName(source), double(count));
   }
   timer.Finish(&log->stages);
+
+  if (options.skip_reverification ||
+      num_cameras[FocalSource::PRIOR] == focals.size()) {
+    return focals;
+  }
+  StageTimer reverification("reverification");
+  std::vector<colmap::image_pair_t> uncertain;
+  for (auto& [pair_id, pair] : *pairs) {
+    if (pair.status != PairStatus::VALID || !LacksFocals(pair)) continue;
+    if (HasOtherFocals(*scene, pair_id, pair)) {
+      uncertain.push_back(pair_id);
+    } else {
+      pair.degeneracies &= ~(uint32_t(PairDegeneracy::WEAK_FOCAL1) |
+                             uint32_t(PairDegeneracy::WEAK_FOCAL2));
+    }
+  }
+  // Averages count as known for this verification alone.
+  const CameraMap averaged_cameras = scene->cameras;
+  for (auto& [camera_id, camera] : scene->cameras) {
+    camera.SetPriorFocalLength(true);
+  }
+  VerifyAgain(PairStage::REVERIFICATION,
+              verification,
+              uncertain,
+              *scene,
+              depths,
+              pairs);
+  scene->cameras = averaged_cameras;
+  reverification.Add("pairs_verified", double(uncertain.size()))
+      .Add(CountPairs(*pairs));
+  reverification.Finish(&log->stages);
   return focals;
 }
 

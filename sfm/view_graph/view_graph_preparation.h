@@ -35,11 +35,13 @@ void FilterPairs(const DepthGlobalMapperOptions& options,
                  MappingLog* log);
 
 // Sets the focal lengths of the scene's cameras to those averaged over pairs,
-// which it returns.
+// and verifies pairs that lacked them once more. Returns the averages.
 std::map<colmap::camera_t, CameraFocal> AverageFocals(
     const DepthGlobalMapperOptions& options,
-    const PairGeometries& pairs,
+    const PairVerificationOptions& verification,
+    const KeypointDepthMap& depths,
     Scene* scene,
+    PairGeometries* pairs,
     MappingLog* log);
 
 // Warns if nearly all pairs see planes while focal lengths are unknown.

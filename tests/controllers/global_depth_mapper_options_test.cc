@@ -51,6 +51,7 @@ TEST(PaperPreset, SetsEachValueBeforePositioning) {
   EXPECT_FALSE(mapper.skip_scale_averaging);
   EXPECT_FALSE(mapper.skip_global_positioning);
   EXPECT_TRUE(mapper.skip_depth_reliability);
+  EXPECT_TRUE(mapper.skip_reverification);
   EXPECT_TRUE(mapper.skip_translation_averaging);
   EXPECT_TRUE(mapper.skip_rotation_recovery);
   EXPECT_TRUE(mapper.skip_one_center_start);

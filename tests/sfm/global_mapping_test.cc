@@ -574,6 +574,7 @@ TEST(GlobalMapping, EveryStageCanBeSwitchedOff) {
   using Options = DepthGlobalMapperOptions;
   for (bool Options::*skip : {&Options::skip_pair_scores,
                               &Options::skip_focal_averaging,
+                              &Options::skip_reverification,
                               &Options::skip_scale_averaging,
                               &Options::skip_translation_averaging,
                               &Options::skip_static_background,
