@@ -2,8 +2,7 @@
 
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
-
-#include <gtest/gtest.h>
+#include "tests/sfm/mapping/mapping_fixture.h"
 
 namespace dgsfm {
 namespace {
@@ -11,7 +10,7 @@ namespace {
 constexpr colmap::image_t kImage = 5;
 
 // A ring of exact poses, half of whose matches are wrong.
-class ImageResection : public ::testing::Test {
+class ImageResection : public MappingFixture {
  protected:
   ImageResection() {
     SyntheticSceneOptions synthetic;
@@ -45,16 +44,6 @@ class ImageResection : public ::testing::Test {
               1e-3 * truth_.translation.norm());
   }
 
-  DepthGlobalMapperOptions options_;
-  PairVerificationOptions verification_;
-  Scene scene_;
-  KeypointDepthMap depths_;
-  FrameMembers frames_;
-  CameraBeliefs beliefs_;
-  MappingContext context_{
-      options_, verification_, scene_, depths_, frames_, beliefs_};
-  PairGeometries pairs_;
-  ModelInProgress progress_;
   Rigid3d truth_;
 };
 

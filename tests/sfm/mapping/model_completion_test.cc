@@ -2,15 +2,14 @@
 
 #include "colmap_ext/synthetic/synthetic_scene_io.h"
 #include "sfm/mapping/model_access.h"
-
-#include <gtest/gtest.h>
+#include "tests/sfm/mapping/mapping_fixture.h"
 
 namespace dgsfm {
 namespace {
 
 // All images of a ring were cropped, which moved the principal point of their
 // camera; the model has a third of the points and the principal point held.
-class HeldPrincipalPoint : public ::testing::Test {
+class HeldPrincipalPoint : public MappingFixture {
  protected:
   HeldPrincipalPoint() {
     SyntheticSceneOptions synthetic;
@@ -44,7 +43,7 @@ class HeldPrincipalPoint : public ::testing::Test {
 
   void Shift(colmap::Point2D* point) { point->SetXY(point->XY() + shift_px_); }
 
-  void Complete() { CompleteTracks(context_, {}, &progress_, &log_); }
+  void Complete() { CompleteTracks(context_, pairs_, &progress_, &log_); }
 
   double PrincipalPointError() const {
     const colmap::Camera& camera = progress_.model.Camera(1);
@@ -56,16 +55,6 @@ class HeldPrincipalPoint : public ::testing::Test {
   }
 
   const Eigen::Vector2d shift_px_ = {6, -4};
-  DepthGlobalMapperOptions options_;
-  PairVerificationOptions verification_;
-  Scene scene_;
-  KeypointDepthMap depths_;
-  FrameMembers frames_;
-  CameraBeliefs beliefs_;
-  MappingContext context_{
-      options_, verification_, scene_, depths_, frames_, beliefs_};
-  ModelInProgress progress_;
-  MappingLog log_;
 };
 
 TEST_F(HeldPrincipalPoint, IsFreedByTheCompletedTracks) {
