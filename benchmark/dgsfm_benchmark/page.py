@@ -129,8 +129,7 @@ def _overview(results: Results) -> str:
     lines += [*summary.sentences(results), ""]
     lines += [*block("overview", summary.overview_table(results)), ""]
     lines += summary.wrapped(
-        summary.WHAT_IS_EMULATED + " Constants of the program may be fitted on "
-        "sets of role “fit”; those of role “report” are only looked at. n is "
+        summary.WHAT_IS_EMULATED + " " + summary.FITTED_ON + " n is "
         "the number of scenes whose truth bears the threshold."
     )
     lines.append("")

@@ -34,6 +34,12 @@ _RICH_TEXTURE = 500
 
 Results = dict[str, dict]
 
+FITTED_ON = (
+    "Constants are fitted on sets of role “fit”, those of role “report” are only "
+    "looked at; but the constants of self-calibration, and the one that tells "
+    "heavy tails of errors, were set with all of them in view "
+    "(`docs/constants.md`)."
+)
 WHAT_IS_EMULATED = (
     "“Emulated strong depth” is made from ground truth, with the errors of a "
     "strong monocular network; “small network” is the depth of a real but tiny "
@@ -469,8 +475,7 @@ def readme_lines(results: Results) -> list[str]:
         texts.append(EXPERT_TEXT)
     texts.append(
         _colmap_version(result)
-        + "Constants of the program may be fitted on sets of role “fit”; the "
-        "others are only looked at. “-”: the truth does not bear the figure; "
+        + FITTED_ON + " “-”: the truth does not bear the figure; "
         "empty: no such depth."
     )
     return [
