@@ -142,7 +142,7 @@ def _run(arguments) -> None:
             "commit": _commit(),
             "jobs": arguments.jobs,
             "engines": list(experiment.engines),
-            # Of the engines that did not run.
+            # Stored runs keep the versions of their programs.
             "versions": stored.get("versions", {}) if arguments.engines else {},
             "datasets": list(experiment.datasets),
             "records": records,

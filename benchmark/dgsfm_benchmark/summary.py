@@ -36,8 +36,8 @@ Results = dict[str, dict]
 
 FITTED_ON = (
     "Constants are fitted on sets of role “fit”, those of role “report” are only "
-    "looked at; but the constants of self-calibration, and the one that tells "
-    "heavy tails of errors, were set with all of them in view "
+    "looked at; but the constants of self-calibration, and the threshold "
+    "of heavy tails of errors, were set with all of them in view "
     "(`docs/constants.md`)."
 )
 WHAT_IS_EMULATED = (

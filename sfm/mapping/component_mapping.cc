@@ -271,9 +271,6 @@ void CompleteComponent(const MappingContext& context,
   if (success) {
     CalibrateCameras(context, progress, log);
     CompleteTracks(context, *pairs, progress, log);
-    for (const colmap::image_t image_id : model.RegImageIds()) {
-      result->unregistered_images.erase(image_id);
-    }
     JudgePairs(context, *progress, pairs);
     HoldImplausibleCameras(context, progress, log);
     if (measure_repeatability) {

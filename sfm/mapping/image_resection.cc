@@ -20,7 +20,7 @@ namespace {
 constexpr size_t kMinGain = 2;
 // ... so that it is not looked for where this share of the points agrees.
 constexpr double kMinAgreeingShare = 1.0 / (1 + kMinGain);
-// Pairs of an image that are looked at first.
+// Pairs of an image whose matches are read first.
 constexpr size_t kNumSamplePairs = 6;
 // P3P finds a pose with a tenth of inliers in so many samples with 99.9 %.
 constexpr int kMaxNumTrials = 7000;
@@ -28,26 +28,33 @@ constexpr double kConfidence = 0.999;
 
 // Key points of an image and the points at their matches.
 struct PointMatches {
-  std::vector<Eigen::Vector2d> keypoints_px;
+  std::vector<colmap::point2D_t> keypoints;
   std::vector<Eigen::Vector3d> points;
 };
 
 using PairsOfImages =
     std::map<colmap::image_t, std::vector<colmap::image_pair_t>>;
 
-PairsOfImages MatchedPairs(const Scene& scene, const PairGeometries& pairs) {
+// Pairs of the images of a model.
+PairsOfImages MatchedPairs(const Scene& scene,
+                           const PairGeometries& pairs,
+                           const colmap::Reconstruction& model) {
   PairsOfImages pairs_of_images;
   for (const auto& [pair_id, matches] : scene.matches) {
     const auto pair = pairs.find(pair_id);
     if (pair != pairs.end() && StaysOut(pair->second.status)) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
+    if (!model.ExistsImage(image_id1) || !model.ExistsImage(image_id2)) {
+      continue;
+    }
     pairs_of_images[image_id1].push_back(pair_id);
     pairs_of_images[image_id2].push_back(pair_id);
   }
   return pairs_of_images;
 }
 
-// Points that two other images see at least: a wrong pose has no part in them.
+// Whether two other images see the point, so that it does not depend on a wrong
+// pose of the image.
 bool IsSeenByOthers(const colmap::Point3D& point, colmap::image_t image_id) {
   const std::vector<colmap::TrackElement>& elements = point.Track().Elements();
   return std::count_if(elements.begin(),
@@ -84,14 +91,15 @@ PointMatches MatchesWithPoints(
   for (const auto& [keypoint, point_id] : found) {
     const colmap::Point3D& point = model.Point3D(point_id);
     if (!IsSeenByOthers(point, image_id)) continue;
-    point_matches.keypoints_px.push_back(
-        model.Image(image_id).Point2D(keypoint).XY());
+    point_matches.keypoints.push_back(keypoint);
     point_matches.points.push_back(point.XYZ());
   }
   return point_matches;
 }
 
-size_t NumAgreeing(const colmap::Camera& camera,
+// Points that a pose of the image projects to their key points.
+size_t NumAgreeing(const colmap::Reconstruction& model,
+                   colmap::image_t image_id,
                    const Rigid3d& cam_from_world,
                    const PointMatches& matches,
                    double max_error_px) {
@@ -100,8 +108,8 @@ size_t NumAgreeing(const colmap::Camera& camera,
     const Eigen::Vector3d in_cam = cam_from_world * matches.points[i];
     num_agreeing +=
         in_cam.z() > 0 &&
-        (camera.WorldToImage(in_cam.hnormalized()) - matches.keypoints_px[i])
-                .norm() <= max_error_px;
+        ReprojectionError(model, {image_id, matches.keypoints[i]}, in_cam) <=
+            max_error_px;
   }
   return num_agreeing;
 }
@@ -120,10 +128,10 @@ bool IsSurelyRight(const MappingContext& context,
   }
   const PointMatches matches =
       MatchesWithPoints(context.scene, sample, model, image_id);
-  const colmap::Image& image = model.Image(image_id);
   const size_t num_agreeing =
-      NumAgreeing(model.Camera(image.CameraId()),
-                  CamFromWorld(image),
+      NumAgreeing(model,
+                  image_id,
+                  CamFromWorld(model.Image(image_id)),
                   matches,
                   context.options.refinement.max_reprojection_error_px);
   return num_agreeing >= size_t(context.verification.min_num_inliers) &&
@@ -139,14 +147,17 @@ Rigid3d RigidOf(const Eigen::Matrix3x4d& cam_from_world) {
 // A pose that more points agree with than with the image's own, if it has one.
 std::optional<Rigid3d> BetterPose(const MappingContext& context,
                                   const PointMatches& matches,
-                                  const colmap::Camera& camera,
-                                  const colmap::Image& image) {
+                                  const colmap::Reconstruction& model,
+                                  colmap::image_t image_id) {
+  const colmap::Image& image = model.Image(image_id);
+  const colmap::Camera& camera = model.Camera(image.CameraId());
   const double max_error_px =
       context.options.refinement.max_reprojection_error_px;
   const size_t num_matches = matches.points.size();
   const size_t num_before =
       image.IsRegistered()
-          ? NumAgreeing(camera, CamFromWorld(image), matches, max_error_px)
+          ? NumAgreeing(
+                model, image_id, CamFromWorld(image), matches, max_error_px)
           : 0;
   const PairVerificationOptions& verification = context.verification;
   const size_t min_num_agreeing = std::max<size_t>(
@@ -158,21 +169,21 @@ std::optional<Rigid3d> BetterPose(const MappingContext& context,
     return std::nullopt;
   }
   std::vector<Eigen::Vector2d> rays;
-  for (const Eigen::Vector2d& keypoint_px : matches.keypoints_px) {
-    rays.push_back(camera.ImageToWorld(keypoint_px));
+  for (const colmap::point2D_t keypoint : matches.keypoints) {
+    rays.push_back(camera.ImageToWorld(image.Point2D(keypoint).XY()));
   }
   colmap::RANSACOptions ransac;
   ransac.max_error = camera.ImageToWorldThreshold(max_error_px);
   ransac.max_num_trials = kMaxNumTrials;
   ransac.confidence = kConfidence;
   ransac.min_inlier_ratio = double(min_num_agreeing) / double(num_matches);
-  colmap::SetPRNGSeed(image.ImageId());
+  colmap::SetPRNGSeed(image_id);
   colmap::LORANSAC<colmap::P3PEstimator, colmap::EPNPEstimator> estimator(
       ransac);
   const auto report = estimator.Estimate(rays, matches.points);
   if (!report.success) return std::nullopt;
   const Rigid3d cam_from_world = RigidOf(report.model);
-  if (NumAgreeing(camera, cam_from_world, matches, max_error_px) <
+  if (NumAgreeing(model, image_id, cam_from_world, matches, max_error_px) <
       min_num_agreeing) {
     return std::nullopt;
   }
@@ -199,22 +210,22 @@ ResectionSummary ResectImages(const MappingContext& context,
   ResectionSummary summary;
   if (!progress->rigs.frames.empty()) return summary;
   colmap::Reconstruction& model = progress->model;
-  const PairsOfImages pairs_of_images = MatchedPairs(context.scene, pairs);
+  const PairsOfImages pairs_of_images =
+      MatchedPairs(context.scene, pairs, model);
   std::vector<colmap::image_t> image_ids;
   for (const auto& [image_id, pair_ids] : pairs_of_images) {
-    if (model.ExistsImage(image_id)) image_ids.push_back(image_id);
+    image_ids.push_back(image_id);
   }
   std::vector<std::optional<Rigid3d>> poses(image_ids.size());
   ParallelFor(
       image_ids.size(), context.verification.num_threads, [&](size_t i) {
         const auto& pair_ids = pairs_of_images.at(image_ids[i]);
         if (IsSurelyRight(context, pair_ids, model, image_ids[i])) return;
-        const colmap::Image& image = model.Image(image_ids[i]);
         poses[i] = BetterPose(
             context,
             MatchesWithPoints(context.scene, pair_ids, model, image_ids[i]),
-            model.Camera(image.CameraId()),
-            image);
+            model,
+            image_ids[i]);
       });
   for (size_t i = 0; i < image_ids.size(); ++i) {
     if (!poses[i]) continue;

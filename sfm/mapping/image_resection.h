@@ -17,10 +17,10 @@ struct ResectionSummary {
 // Estimates the pose of each doubtful image from the points of the model that
 // other images see at the matches of its key points: of images without a pose,
 // and of those where fewer than a third of these points are within
-// max_reprojection_error_px. An image takes the pose if enough points agree
-// with it (min_num_inliers and min_inlier_ratio of pairs), and twice as many as
-// before; its observations are left out, for tracks to be completed. Images of
-// rigs stay where they are.
+// max_reprojection_error_px. An image takes the pose that COLMAP's LORANSAC
+// finds by three points (P3P) if enough points agree with it (min_num_inliers
+// and min_inlier_ratio of pairs), and twice as many as before; its observations
+// are left out, for tracks to be completed. Images of rigs stay where they are.
 ResectionSummary ResectImages(const MappingContext& context,
                               const PairGeometries& pairs,
                               ModelInProgress* progress);

@@ -176,8 +176,7 @@ void FreePrincipalPoints(const MappingContext& context,
     }
     return;
   }
-  progress->beliefs.held_principal_points =
-      context.camera_beliefs.held_principal_points;
+  progress->beliefs.held_principal_points.clear();
   progress->beliefs = CalibrateModel(
       SelfCalibration(context, *progress), progress->beliefs, &progress->model);
 }

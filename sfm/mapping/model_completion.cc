@@ -373,8 +373,8 @@ void CompleteTracks(const MappingContext& context,
                           : AgreeingMatchesOf(context, pairs, *progress),
                       &model);
     timer.Add("observations_gained", double(num_gained));
-    // Observations that are far off pull poses out of a valley; once they have,
-    // they must not pull any more.
+    // In the first round, observations that are far off may pull a pose out of
+    // a valley; later they are wrong.
     if (round > 0) FilterObservations(context.options.refinement, 1.0, &model);
     num_filtered = AdjustAgain(context, progress, &timer);
     if (round == 0 && num_gained >= kMinGainedShare * num_before) {

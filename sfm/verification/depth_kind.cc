@@ -211,7 +211,7 @@ std::string ExplainWrongKindByPairs(const Scene& scene,
                                   scene.cameras.at(image.CameraId()),
                                   depths.at(image_id),
                                   of_pairs));
-    // Images that pairs say nothing of.
+    // Too few places of the image have depths by pairs.
     if (concordances.back()[0] == 0) concordances.pop_back();
   }
   return ExplainWrongKind(DepthUnit::METRIC, concordances);

@@ -44,7 +44,7 @@ std::string ExplainWrongKindByPairs(const Scene& scene,
                                     const PairGeometries& pairs,
                                     const KeypointDepthMap& depths);
 
-// Whether a map has one value wherever it is known, and so says nothing.
+// Whether all known values of a map are equal: such a map shows no depth.
 bool HasOneValue(const KeypointDepths& depths);
 
 }  // namespace dgsfm

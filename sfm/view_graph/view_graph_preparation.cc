@@ -8,7 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <set>
 #include <utility>
 
 #include <glog/logging.h>
@@ -59,24 +59,6 @@ std::vector<colmap::image_t> ImagesOf(const KeypointDepthMap& depths) {
   return image_ids;
 }
 
-std::vector<colmap::image_t> ImagesWithoutRelief(
-    const KeypointDepthMap& depths) {
-  std::vector<colmap::image_t> image_ids;
-  for (const auto& [image_id, image_depths] : depths) {
-    if (HasOneValue(image_depths)) image_ids.push_back(image_id);
-  }
-  return image_ids;
-}
-
-// Of two sorted lists.
-std::vector<colmap::image_t> Union(const std::vector<colmap::image_t>& a,
-                                   const std::vector<colmap::image_t>& b) {
-  std::vector<colmap::image_t> both;
-  std::set_union(
-      a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
-  return both;
-}
-
 // Images whose depth maps are not used, in increasing order, with the reasons
 // in the log.
 std::vector<colmap::image_t> FindUnusableDepths(const Scene& scene,
@@ -90,28 +72,29 @@ std::vector<colmap::image_t> FindUnusableDepths(const Scene& scene,
     LOG(WARNING) << "No depth map is used: " << what_is_wrong;
     return ImagesOf(depths);
   }
-  const std::vector<colmap::image_t> without_relief =
-      ImagesWithoutRelief(depths);
-  if (!without_relief.empty()) {
-    log->Warn(std::to_string(without_relief.size()) +
+  std::set<colmap::image_t> unusable;
+  for (const auto& [image_id, image_depths] : depths) {
+    if (HasOneValue(image_depths)) unusable.insert(image_id);
+  }
+  if (!unusable.empty()) {
+    log->Warn(std::to_string(unusable.size()) +
               " depth maps have one value everywhere and are not used");
   }
-  std::vector<colmap::image_t> contradicting;
+  size_t num_contradicting = 0;
   for (const colmap::image_t image_id : FindUnreliableDepths(pairs)) {
-    if (HasOneValue(depths.at(image_id))) continue;
+    if (!unusable.insert(image_id).second) continue;
+    ++num_contradicting;
     LOG(WARNING) << "The depth map of image '"
                  << scene.images.at(image_id).Name()
                  << "' contradicts its matches and is not used";
-    contradicting.push_back(image_id);
   }
-  if (double(contradicting.size()) >
-      kMaxUnreliableShare * double(depths.size())) {
-    log->Warn(std::to_string(contradicting.size()) +
+  if (double(num_contradicting) > kMaxUnreliableShare * double(depths.size())) {
+    log->Warn(std::to_string(num_contradicting) +
               " depth maps contradict the matches and are not used: check that "
               "they belong to the images (orientation, cropping), and that the "
               "camera model fits the lens");
   }
-  return Union(contradicting, without_relief);
+  return {unusable.begin(), unusable.end()};
 }
 
 void VerifyAgain(PairStage stage,

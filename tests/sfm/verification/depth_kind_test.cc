@@ -82,7 +82,7 @@ TEST_F(WrongDepthKind, DisparityIsFoundByPairs) {
   EXPECT_THAT(Explain(), HasSubstr("as disparity does"));
 }
 
-TEST_F(WrongDepthKind, OneValueEverywhereSaysNothing) {
+TEST_F(WrongDepthKind, OneValueEverywhereIsNoDepth) {
   KeypointDepths& depths = depths_.begin()->second;
   EXPECT_FALSE(HasOneValue(depths));
   for (float& depth : depths.depths) depth = depth > 0 ? 2 : 0;
