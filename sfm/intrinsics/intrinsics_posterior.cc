@@ -25,8 +25,8 @@ constexpr double kDamping = 1e-11;
 // than there is.
 constexpr double kLossFactor = 4;
 // Standard deviation of the coefficients of smooth errors, of the larger image
-// side [1]. With this, principal points that were freed on photos with ground
-// truth were off by up to twice the stated standard deviation.
+// side [1]. With this, principal points of photos with ground truth are off by
+// half of the stated standard deviation (root mean square).
 constexpr double kSmoothErrorRatio = 2e-4;
 // Monomials of degree two and three in two coordinates.
 constexpr int kNumMonomials = 7;
