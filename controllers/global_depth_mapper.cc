@@ -20,13 +20,11 @@
 #include "controllers/relative_depth_stage.h"
 #include "controllers/report/report_page.h"
 #include "sfm/mapping/depth_kind_check.h"
-#include "sfm/mapping/rig_model.h"
 #include "sfm/mapping_fingerprint.h"
 #include "sfm/memory_prediction.h"
 
 #include <filesystem>
 #include <memory>
-#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -195,7 +193,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   }
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   WarnOfPositions(options_.mapper.georeferencing, pose_priors, &result);
-  StageModels(folder, scene.rigs, &result);
+  StageModels(folder, &result);
   StageReports(
       options_,
       folder,
@@ -302,7 +300,6 @@ PairStore GlobalDepthMapper::OpenPairStore(
 }
 
 void GlobalDepthMapper::StageModels(const RunFolder& folder,
-                                    const RigScene& rigs,
                                     DepthGlobalMapperResult* result) {
   StageTimer timer("write_models");
   for (size_t i = 0; i < result->models.size(); ++i) {
@@ -313,11 +310,8 @@ void GlobalDepthMapper::StageModels(const RunFolder& folder,
     }
     const colmap::Reconstruction& model = *result->models[i];
     WriteModel(model, folder.StagedModel(i));
-    if (rigs.Empty()) continue;
-    const std::set<colmap::camera_t> calibrated =
-        CamerasToCalibrate(rigs, options_.mapper.refine_sensor_from_rig);
-    WriteRigs(
-        CalibrateRigs(calibrated, model, rigs), model, folder.StagedModel(i));
+    if (result->rigs[i].Empty()) continue;
+    WriteRigs(result->rigs[i], model, folder.StagedModel(i));
   }
   timer.Add("models", double(result->models.size()));
   timer.Finish(&result->stages);

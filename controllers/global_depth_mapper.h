@@ -44,9 +44,7 @@ class GlobalDepthMapper {
   // Replaces stale geometries of the database; empty if it is not to be written
   // or cannot be.
   PairStore OpenPairStore(const std::vector<colmap::image_pair_t>& stale) const;
-  void StageModels(const RunFolder& folder,
-                   const RigScene& rigs,
-                   DepthGlobalMapperResult* result);
+  void StageModels(const RunFolder& folder, DepthGlobalMapperResult* result);
   // The page for the models and the report that were staged.
   void StageReportPage(const RunFolder& folder, size_t num_models) const;
   void WritePairStatuses(const PairGeometries& pairs) const;

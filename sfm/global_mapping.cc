@@ -3,6 +3,7 @@
 #include "colmap_ext/check.h"
 #include "sfm/georeferencing/model_joining.h"
 #include "sfm/georeferencing/pair_positions.h"
+#include "sfm/mapping/rig_model.h"
 #include "sfm/view_graph/pair_recovery.h"
 #include "sfm/view_graph/view_graph_preparation.h"
 
@@ -195,12 +196,18 @@ void ArrangeModels(const MappingContext& context,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
   auto& models = result->models;
-  // Cameras that differ by model would be no sensors of one rig.
-  if (context.options.georeferencing.join_models &&
-      context.scene.rigs.Empty()) {
+  const std::set<colmap::camera_t> calibrated = CamerasToCalibrate(
+      context.scene.rigs, context.options.refine_sensor_from_rig);
+  std::vector<RigScene> rigs;
+  for (const auto& model : models) {
+    rigs.push_back(CalibrateRigs(calibrated, *model, context.scene.rigs));
+  }
+  if (context.options.georeferencing.join_models) {
     const size_t num_models = models.size();
-    JoinGeoreferencedModels(
-        FirstUnusedCameraId(context.scene), &models, &result->georeferences);
+    JoinGeoreferencedModels(FirstUnusedCameraId(context.scene),
+                            &models,
+                            &result->georeferences,
+                            &rigs);
     if (models.size() < num_models) {
       log->Warn(std::to_string(num_models - models.size() + 1) +
                 " parts that no match connects are one model in the frame of "
@@ -218,6 +225,7 @@ void ArrangeModels(const MappingContext& context,
   for (const size_t i : order) {
     sorted.push_back(std::move(models[i]));
     georeferences.push_back(std::move(result->georeferences[i]));
+    result->rigs.push_back(std::move(rigs[i]));
   }
   models = std::move(sorted);
   result->georeferences = std::move(georeferences);

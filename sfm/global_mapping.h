@@ -22,6 +22,9 @@ struct DepthGlobalMapperResult {
   std::vector<MeasuredUnit> units;
   // How they lie to the positions of their images, in their order.
   std::vector<ModelGeoreference> georeferences;
+  // Rigs and frames with the poses of cameras in rigs that the models have, in
+  // their order.
+  std::vector<RigScene> rigs;
   std::vector<StageReport> stages;
   std::map<colmap::camera_t, CameraFocal> focals;
   std::map<colmap::camera_t, CameraResult> cameras;

@@ -160,6 +160,45 @@ TEST_F(GeoreferencingTest, StereoRigIsAtItsPositions) {
   }
 }
 
+// Each half gets cameras of its own, and with these a rig of its own.
+TEST_F(GeoreferencingTest, UnconnectedHalvesOfARigBecomeOneModel) {
+  Synthesize({"--num_images",
+              "48",
+              "--rig",
+              "stereo",
+              "--num_components",
+              "2",
+              "--component_step",
+              "120",
+              "--gps",
+              "1",
+              "--gps_noise",
+              "0.2",
+              "--gravity",
+              "1"});
+  for (const char* refine : {"0", "1"}) {
+    const auto result = Map({"--rig_config_path",
+                             dir_ + "/scene/rig_config.json",
+                             "--DepthGlobalMapper.refine_sensor_from_rig",
+                             refine});
+    ASSERT_EQ(result.code, 0);
+    const auto report = Report();
+    ASSERT_EQ(report["models"].size(), 1) << refine;
+    EXPECT_EQ(report["models"][0]["images"], 48);
+    EXPECT_EQ(
+        report["models"][0]["positions"]["parts_without_common_matches"].size(),
+        2);
+    // The noise of a position is 0.28 m horizontally.
+    EXPECT_LT(report["models"][0]["positions"]["median_horizontal_error_m"],
+              0.5);
+    EXPECT_EQ(ReadModelCameras(dir_ + "/models/0").size(), 4);
+    // Rigs of two sensors each: id, number, type and id of the reference, and
+    // type, id, flag and seven numbers of the other; after the number of rigs.
+    constexpr size_t kRigSize = 4 + 4 + 8 + 8 + 1 + 7 * 8;
+    EXPECT_EQ(ReadText(dir_ + "/models/0/rigs.bin").size(), 8 + 2 * kRigSize);
+  }
+}
+
 // Baselines in decimetres.
 TEST_F(GeoreferencingTest, NamesRigsInAnotherUnitThanPositions) {
   Synthesize({"--num_images", "48", "--rig", "stereo", "--gps", "1"});
