@@ -293,6 +293,9 @@ void BindPositionOptions(PositionNoiseOptions* positions,
   options->Add("gravity_noise",
                &positions->gravity_stddev_deg,
                "(database) its standard deviation [deg]");
+  options->Add("gravity_outlier_ratio",
+               &positions->gravity_outlier_ratio,
+               "(database) share of images with a random gravity, in [0, 1]");
 }
 
 void BindOptions(std::string* family,

@@ -203,6 +203,12 @@ void BindPosePriors(GlobalDepthMapperOptions* options,
       .Add("pp_judge_pairs",
            &georeferencing.judge_pairs,
            "whether pairs that contradict the positions of their images leave")
+      .Add("gravity_refine_rotations",
+           &options->mapper.averaging.gravity.use_gravity,
+           "whether averaged rotations are refined by the gravity of images")
+      .Add("gravity_stddev",
+           &options->mapper.averaging.gravity.stddev_deg,
+           "of gravity about each horizontal axis, at least [deg]")
       .Add("pp_loss_scale",
            &georeferencing.loss_scale,
            "Cauchy loss of positions [standard deviations]")

@@ -50,6 +50,9 @@ std::optional<ComponentRotations> AverageRotationsOf(
   }
   timer.Add("pairs_filtered", double(rotations->num_pairs_filtered))
       .Add("images_kept", double(rotations->image_ids.size()));
+  if (rotations->num_gravities > 0) {
+    timer.Add("images_with_gravity", double(rotations->num_gravities));
+  }
   timer.Finish(&log->stages);
   return rotations;
 }

@@ -17,6 +17,7 @@ enum Purpose : uint32_t {
   POSITIONS = 100,
   POSITION_OUTLIERS = 101,
   GRAVITY = 102,
+  GRAVITY_OUTLIERS = 103,
 };
 
 // As COLMAP 4.x creates it.
@@ -31,12 +32,13 @@ CREATE UNIQUE INDEX pose_prior_data_assignment
   ON pose_priors(corr_data_id, corr_sensor_id, corr_sensor_type);
 )";
 
-std::vector<char> DrawOutliers(const PositionNoiseOptions& options,
+std::vector<char> DrawOutliers(double outlier_ratio,
+                               Purpose purpose,
                                const SyntheticScene& scene) {
   std::vector<size_t> order(scene.images.size());
   std::iota(order.begin(), order.end(), 0);
-  RandomStream(scene.options.random_seed, POSITION_OUTLIERS).Shuffle(&order);
-  order.resize(std::lround(options.outlier_ratio * double(order.size())));
+  RandomStream(scene.options.random_seed, purpose).Shuffle(&order);
+  order.resize(std::lround(outlier_ratio * double(order.size())));
   std::vector<char> is_outlier(scene.images.size(), 0);
   for (const size_t i : order) is_outlier[i] = 1;
   return is_outlier;
@@ -60,12 +62,16 @@ Eigen::Vector3d DrawPosition(const PositionNoiseOptions& options,
 
 Eigen::Vector3d DrawGravity(const PositionNoiseOptions& options,
                             const SyntheticScene& scene,
-                            const SyntheticImage& image) {
+                            const SyntheticImage& image,
+                            bool is_outlier) {
   RandomStream random(scene.options.random_seed, GRAVITY, image.image_id);
   Eigen::Vector3d gravity =
       image.cam_from_world.rotation * -Eigen::Vector3d::UnitZ();
   for (int i = 0; i < 3; ++i) {
     gravity(i) += options.gravity_stddev_deg * M_PI / 180 * random.Normal();
+  }
+  if (is_outlier) {
+    for (int i = 0; i < 3; ++i) gravity(i) = random.Normal();
   }
   return gravity.normalized();
 }
@@ -82,7 +88,9 @@ bool PositionNoiseOptions::IsValid(std::string* error) const {
          check("gps_outlier", std::isfinite(outlier_m)) &&
          check("gps_altitude_offset", std::isfinite(altitude_offset_m)) &&
          check("gravity_noise",
-               gravity_stddev_deg >= 0 && gravity_stddev_deg < 90);
+               gravity_stddev_deg >= 0 && gravity_stddev_deg < 90) &&
+         check("gravity_outlier_ratio",
+               gravity_outlier_ratio >= 0 && gravity_outlier_ratio <= 1);
 }
 
 LocalFrame SyntheticFrame() { return LocalFrame({48, 11, 500}); }
@@ -92,15 +100,22 @@ GivenPoses SynthesizePosePriors(const PositionNoiseOptions& options,
   GivenPoses poses;
   if (!options.has_positions && !options.has_gravity) return poses;
   const LocalFrame frame = SyntheticFrame();
-  const std::vector<char> is_outlier = DrawOutliers(options, scene);
+  const std::vector<char> is_position_outlier =
+      DrawOutliers(options.outlier_ratio, POSITION_OUTLIERS, scene);
+  const std::vector<char> is_gravity_outlier =
+      DrawOutliers(options.gravity_outlier_ratio, GRAVITY_OUTLIERS, scene);
   size_t i = 0;
   for (const auto& [image_id, image] : scene.images) {
     GivenPose& pose = poses[image_id];
     pose.coordinates = options.coordinates;
-    if (options.has_gravity) pose.gravity = DrawGravity(options, scene, image);
-    const bool is_wrong = is_outlier[i++];
+    const size_t index = i++;
+    if (options.has_gravity) {
+      pose.gravity =
+          DrawGravity(options, scene, image, is_gravity_outlier[index]);
+    }
     if (!options.has_positions) continue;
-    const Eigen::Vector3d local = DrawPosition(options, scene, image, is_wrong);
+    const Eigen::Vector3d local =
+        DrawPosition(options, scene, image, is_position_outlier[index]);
     pose.position = local;
     pose.covariance =
         options.stddev_m * options.stddev_m * Eigen::Matrix3d::Identity();

@@ -26,6 +26,8 @@ struct PositionNoiseOptions {
   // Whether images have gravity, and its standard deviation [deg].
   bool has_gravity = false;
   double gravity_stddev_deg = 1;
+  // Share of images, in [0, 1], whose gravity has a random direction.
+  double gravity_outlier_ratio = 0;
 
   bool IsValid(std::string* error) const;
 };

@@ -41,12 +41,11 @@ struct RotationAverage {
   std::vector<char> is_outlier;
 };
 
-std::optional<RotationAverage> AverageRotationsKeeping(
-    const ComponentAveragingOptions& options,
+// The rotations of the pairs between different nodes.
+std::vector<RelativeRotation> RelativeRotationsOf(
     const RotationNodes& nodes,
     const std::vector<IndexedPair>& valid_pairs,
-    const std::vector<double>& weight_factors,
-    const std::vector<Eigen::Quaterniond>& start) {
+    const std::vector<double>& weight_factors) {
   std::vector<RelativeRotation> relative_rotations;
   for (size_t i = 0; i < valid_pairs.size(); ++i) {
     const auto& [image1, image2, pair] = valid_pairs[i];
@@ -60,21 +59,28 @@ std::optional<RotationAverage> AverageRotationsKeeping(
     relative.weight = PairEvidence(*pair) * weight_factors[i];
     relative_rotations.push_back(relative);
   }
+  return relative_rotations;
+}
+
+std::optional<RotationAverage> AverageRotationsKeeping(
+    const ComponentAveragingOptions& options,
+    const RotationNodes& nodes,
+    const std::vector<IndexedPair>& valid_pairs,
+    const std::vector<double>& weight_factors,
+    const std::vector<Eigen::Quaterniond>& start) {
   std::vector<Eigen::Quaterniond> node_from_world = nodes.NodeFromWorld(start);
   if (nodes.num_nodes == 1) {
     node_from_world.assign(1, Eigen::Quaterniond::Identity());
-  } else if (!AverageRotations(nodes.num_nodes,
-                               relative_rotations,
-                               /*fixed_node=*/0,
-                               options.rotation_averaging,
-                               &node_from_world)) {
+  } else if (!AverageRotations(
+                 nodes.num_nodes,
+                 RelativeRotationsOf(nodes, valid_pairs, weight_factors),
+                 /*fixed_node=*/0,
+                 options.rotation_averaging,
+                 &node_from_world)) {
     return std::nullopt;
   }
   RotationAverage average;
-  for (size_t i = 0; i < nodes.node_of_image.size(); ++i) {
-    average.cam_from_world.push_back(nodes.cam_from_node[i] *
-                                     node_from_world[nodes.node_of_image[i]]);
-  }
+  average.cam_from_world = nodes.CamFromWorld(node_from_world);
   for (const auto& [image1, image2, pair] : valid_pairs) {
     const Eigen::Quaterniond predicted =
         average.cam_from_world[image2] *
@@ -186,6 +192,46 @@ void KeepLargestPart(const ImageIndex& index,
   }
 }
 
+// Refines the rotations by the gravity of the images, where it is known.
+void RefineRotationsByGravity(const ComponentAveragingOptions& options,
+                              const PosePriors& priors,
+                              const FrameMembers& frames,
+                              PairGeometries* pairs,
+                              ComponentRotations* rotations) {
+  if (!options.gravity.use_gravity || priors.empty()) return;
+  const ImageIndex index(rotations->image_ids);
+  const RotationNodes nodes(index, frames);
+  std::vector<NodeGravity> gravities;
+  std::vector<int> num_gravities(nodes.num_nodes, 0);
+  for (int i = 0; i < index.Size(); ++i) {
+    const auto prior = priors.find(index.IdOf(i));
+    if (prior == priors.end() || !prior->second.HasGravity()) continue;
+    const int node = nodes.node_of_image[i];
+    gravities.push_back(
+        {node, nodes.cam_from_node[i].conjugate() * prior->second.gravity});
+    ++num_gravities[node];
+  }
+  // The images of a frame have their gravity from one sensor.
+  for (NodeGravity& gravity : gravities) {
+    gravity.weight = 1.0 / num_gravities[gravity.node];
+  }
+  const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
+  std::vector<Eigen::Quaterniond> node_from_world =
+      nodes.NodeFromWorld(rotations->cam_from_world);
+  if (!RefineByGravity(
+          options.gravity,
+          options.rotation_averaging,
+          RelativeRotationsOf(
+              nodes, valid_pairs, std::vector<double>(valid_pairs.size(), 1)),
+          gravities,
+          /*fixed_node=*/0,
+          &node_from_world)) {
+    return;
+  }
+  rotations->cam_from_world = nodes.CamFromWorld(node_from_world);
+  rotations->num_gravities = gravities.size();
+}
+
 std::vector<IndexedPair> ScaledPairs(const ImageIndex& index,
                                      PairGeometries* pairs) {
   std::vector<IndexedPair> scaled_pairs;
@@ -218,6 +264,7 @@ bool ComponentAveragingOptions::IsValid(std::string* error) const {
       .AtLeast(
           "num_rotation_averaging_rounds", num_rotation_averaging_rounds, 1)
       .Above("max_rotation_error_deg", max_rotation_error_deg, 0)
+      .Valid(gravity)
       .Above("max_log_scale_error", max_log_scale_error, 0)
       .Valid(translation_averaging)
       .Above("max_translation_error_ratio", max_translation_error_ratio, 0)
@@ -261,6 +308,8 @@ std::optional<ComponentRotations> AverageComponentRotations(
     }
     KeepLargestPart(index, edges, &rotations);
   }
+  RefineRotationsByGravity(
+      options, scene.pose_priors, frames, pairs, &rotations);
   return rotations;
 }
 

@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "estimators/averaging/gravity_refinement.h"
 #include "estimators/averaging/rotation_averaging.h"
 #include "estimators/averaging/scale_averaging.h"
 #include "estimators/averaging/translation_averaging.h"
@@ -24,6 +25,7 @@ struct ComponentAveragingOptions {
   // Whether averages that keep strong outliers are not tried, see
   // AverageComponentRotations.
   bool skip_alternatives = false;
+  GravityRefinementOptions gravity;
   GraphAveragingOptions scale_averaging;
   // Pairs whose log scale ratio is off by more than this after averaging lose
   // their scale [1].
@@ -48,6 +50,8 @@ struct ComponentRotations {
   // Parts that lost their connection to it.
   std::vector<std::vector<colmap::image_t>> other_parts;
   size_t num_pairs_filtered = 0;
+  // Images whose gravity refined them.
+  size_t num_gravities = 0;
 };
 
 // Averages the rotations of the valid pairs among the images, which these
@@ -57,7 +61,8 @@ struct ComponentRotations {
 // are outliers, averages that keep them are tried as well: one of these wins if
 // its cost, matches that its pairs miss by the depths and evidence of its
 // outliers, is clearly lower.
-// Images of a frame share its rotation, which all their pairs determine.
+// Images of a frame share its rotation, which all their pairs determine. Where
+// images have gravity, it refines the rotations in the end.
 // Nothing if the averaging fails.
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,

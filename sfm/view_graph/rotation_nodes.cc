@@ -32,4 +32,14 @@ std::vector<Eigen::Quaterniond> RotationNodes::NodeFromWorld(
   return node_from_world;
 }
 
+std::vector<Eigen::Quaterniond> RotationNodes::CamFromWorld(
+    const std::vector<Eigen::Quaterniond>& node_from_world) const {
+  std::vector<Eigen::Quaterniond> cam_from_world;
+  for (size_t i = 0; i < node_of_image.size(); ++i) {
+    cam_from_world.push_back(cam_from_node[i] *
+                             node_from_world[node_of_image[i]]);
+  }
+  return cam_from_world;
+}
+
 }  // namespace dgsfm

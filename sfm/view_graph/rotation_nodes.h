@@ -21,6 +21,9 @@ struct RotationNodes {
   // Rotations of the nodes by those of the images, which may be none.
   std::vector<Eigen::Quaterniond> NodeFromWorld(
       const std::vector<Eigen::Quaterniond>& cam_from_world) const;
+  // Rotations of the images by those of the nodes.
+  std::vector<Eigen::Quaterniond> CamFromWorld(
+      const std::vector<Eigen::Quaterniond>& node_from_world) const;
 };
 
 }  // namespace dgsfm

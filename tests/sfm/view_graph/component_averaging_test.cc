@@ -100,6 +100,55 @@ TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
   }
 }
 
+// A street whose images look ahead and pitch 2 degrees more from one to the
+// next by their pairs, but are level by gravity. Each two are a rig, whose
+// second camera is rolled: its gravity counts through its pose in the rig.
+TEST(AverageComponentRotations, GravityOfRigsStraightensAStreet) {
+  constexpr int kNumFrames = 12;
+  const auto pitched = [](double angle_deg) {
+    return Eigen::Quaterniond(
+        Eigen::AngleAxisd(angle_deg * M_PI / 180, Eigen::Vector3d::UnitX()));
+  };
+  const Rigid3d rolled(
+      Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ())),
+      Eigen::Vector3d::UnitX());
+  Component component;
+  FrameMembers frames;
+  Scene scene;
+  for (int i = 0; i < kNumFrames; ++i) {
+    const colmap::image_t first = 2 * i + 1;
+    const colmap::image_t second = first + 1;
+    component.image_ids.insert(component.image_ids.end(), {first, second});
+    frames[first] = {frame_t(i), 1, Rigid3d()};
+    frames[second] = {frame_t(i), 2, rolled};
+    scene.pose_priors[second].gravity =
+        rolled.rotation * Eigen::Vector3d::UnitY();
+    // Without loops, pairs are as exact as they are said to be.
+    for (int j = i + 1; j < kNumFrames && j <= i + 1; ++j) {
+      PairGeometry& pair = component.pairs[PairIdOfImages(first, 2 * j + 1)];
+      pair.status = PairStatus::VALID;
+      pair.cam2_from_cam1.rotation = pitched(2 * (j - i));
+      pair.num_matches = 110;
+      pair.inlier_matches.resize(100);
+    }
+  }
+  ComponentAveragingOptions options;
+  options.gravity.use_gravity = true;
+  const auto bend_deg = [&](const PosePriors& priors) {
+    scene.pose_priors = priors;
+    const auto result = AverageComponentRotations(
+        options, scene, {}, frames, component.image_ids, &component.pairs);
+    EXPECT_EQ(result->num_gravities, priors.size());
+    return result->cam_from_world.front().angularDistance(
+               result->cam_from_world[2 * kNumFrames - 2]) *
+           180 / M_PI;
+  };
+  const PosePriors priors = scene.pose_priors;
+  EXPECT_NEAR(bend_deg({}), 2 * (kNumFrames - 1), 1e-6);
+  // Twelve pairs of 1 degree, and gravity that is off by up to 11 degrees.
+  EXPECT_LT(bend_deg(priors), 0.8 * 2 * (kNumFrames - 1));
+}
+
 TEST(AverageComponentScales, MedianImageHasScaleOne) {
   Component component = ExactComponent();
   PairGeometry& wrong = PairOf(&component, 1, 3);
