@@ -28,6 +28,10 @@ constexpr double kMaxPlanarShare = 0.8;
 // Relative difference from averaged focal lengths up to which pairs are not
 // verified again: calibrated ones are not better.
 constexpr double kMaxFocalDifference = 0.01;
+// Pairs that lose more than a tenth of their inliers by averaged focal lengths
+// have others. So many show it.
+constexpr double kMinShareOfInliersKept = 0.9;
+constexpr size_t kMaxNumSampledPairs = 500;
 
 // Whether the focal lengths of a pair may be far off: without depth, or where
 // its matches leave them open. The others gain nothing from averaged ones.
@@ -111,6 +115,52 @@ void VerifyAgain(PairStage stage,
         VerifyPair(
             scene, depths, pair_id, MatchesOf(scene, pair_id), verification));
   });
+}
+
+size_t NumInliersOfValid(const PairGeometry& pair) {
+  return pair.status == PairStatus::VALID ? pair.NumInliers() : 0;
+}
+
+// Share of the inliers before that the pairs still have.
+double ShareOfInliersKept(const PairGeometries& before,
+                          const PairGeometries& pairs) {
+  size_t num_before = 0, num_now = 0;
+  for (const auto& [pair_id, pair] : before) {
+    num_before += NumInliersOfValid(pair);
+    num_now += NumInliersOfValid(pairs.at(pair_id));
+  }
+  return num_before == 0 ? 1 : double(num_now) / double(num_before);
+}
+
+// Verifies pairs with averaged focal lengths, unless a sample of them shows
+// that these are not the focal lengths of the pairs.
+void VerifyWithAverages(const PairVerificationOptions& verification,
+                        const std::vector<colmap::image_pair_t>& pair_ids,
+                        const Scene& scene,
+                        const KeypointDepthMap& depths,
+                        PairGeometries* pairs,
+                        StageTimer* timer) {
+  std::vector<colmap::image_pair_t> sample, others;
+  PairGeometries before;
+  const size_t interval = pair_ids.size() / kMaxNumSampledPairs + 1;
+  for (size_t i = 0; i < pair_ids.size(); ++i) {
+    (i % interval == 0 ? sample : others).push_back(pair_ids[i]);
+    if (i % interval == 0) before[pair_ids[i]] = pairs->at(pair_ids[i]);
+  }
+  const auto verify = [&](const std::vector<colmap::image_pair_t>& ids) {
+    VerifyAgain(
+        PairStage::REVERIFICATION, verification, ids, scene, depths, pairs);
+  };
+  verify(sample);
+  const double share = ShareOfInliersKept(before, *pairs);
+  const bool is_better = share >= kMinShareOfInliersKept;
+  if (is_better) {
+    verify(others);
+  } else {
+    for (auto& [pair_id, pair] : before) pairs->at(pair_id) = std::move(pair);
+  }
+  timer->Add("pairs_verified", is_better ? double(pair_ids.size()) : 0)
+      .Add("share_of_inliers_kept", share);
 }
 
 }  // namespace
@@ -248,15 +298,10 @@ std::map<colmap::camera_t, CameraFocal> AverageFocals(
   for (auto& [camera_id, camera] : scene->cameras) {
     camera.SetPriorFocalLength(true);
   }
-  VerifyAgain(PairStage::REVERIFICATION,
-              verification,
-              uncertain,
-              *scene,
-              depths,
-              pairs);
+  VerifyWithAverages(
+      verification, uncertain, *scene, depths, pairs, &reverification);
   scene->cameras = averaged_cameras;
-  reverification.Add("pairs_verified", double(uncertain.size()))
-      .Add(CountPairs(*pairs));
+  reverification.Add(CountPairs(*pairs));
   reverification.Finish(&log->stages);
   return focals;
 }

@@ -35,7 +35,8 @@ void FilterPairs(const DepthGlobalMapperOptions& options,
                  MappingLog* log);
 
 // Sets the focal lengths of the scene's cameras to those averaged over pairs,
-// and verifies pairs that lacked them once more. Returns the averages.
+// and verifies pairs that lacked them once more, unless that shows the averages
+// to be wrong. Returns the averages.
 std::map<colmap::camera_t, CameraFocal> AverageFocals(
     const DepthGlobalMapperOptions& options,
     const PairVerificationOptions& verification,
