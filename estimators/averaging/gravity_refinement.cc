@@ -112,7 +112,7 @@ double VarianceFactor(const std::vector<RelativeRotation>& relatives,
     sum += relative.weight * error * error;
     ++num_loops;
   }
-  // Without loops, pairs are as exact as they were said to be.
+  // Without loops, the given standard deviations of pairs hold.
   return num_loops <= 0 ? 1 : sum / (3 * num_loops);
 }
 

@@ -19,6 +19,12 @@ namespace dgsfm {
 
 namespace {
 
+// Median angle between the outermost rays of tracks up to which a start from
+// one centre is tried, and up to which there is little parallax whichever start
+// is better [deg].
+constexpr double kMaxRayAngleDeg = 4;
+constexpr double kLittleRayAngleDeg = 2.5;
+
 // Why an image whose pairs give it a rotation has no position.
 std::string WhyNotPositioned(colmap::image_t image_id,
                              const PairGeometries& pairs) {
@@ -165,9 +171,10 @@ ModelInProgress StartModel(const MappingContext& context,
   for (const colmap::Track& track : *tracks) {
     starts->num_observations += track.Length();
   }
+  const double ray_angle_deg = MedianRayAngleDeg(*tracks, progress.model);
   if (!context.options.skip_one_center_start && context.scene.rigs.Empty() &&
-      HasLittleParallax(*tracks, progress.model)) {
-    progress.has_little_parallax = true;
+      ray_angle_deg <= kMaxRayAngleDeg) {
+    progress.has_little_parallax = ray_angle_deg <= kLittleRayAngleDeg;
     starts->from_one_center = [=, &context, &rotations] {
       colmap::Reconstruction model = CreateModel(context, rotations);
       PlaceAtOneCenter(*tracks, &model);

@@ -149,7 +149,8 @@ bool RefineModel(const MappingContext& context,
                  ModelInProgress* progress,
                  MappingLog* log) {
   if (!RefineTied(context, starts, progress, log)) return false;
-  if (starts.from_one_center && progress->center_priors.centers.empty()) {
+  if (starts.from_one_center && progress->has_little_parallax &&
+      progress->center_priors.centers.empty()) {
     HoldOneCenter(context, starts.depth_scales, progress, log);
   }
   return progress->model.NumPoints3D() > 0;

@@ -53,10 +53,10 @@ class Growth {
       if (next.empty()) break;
       for (const colmap::image_t image_id : next) PlaceByNeighbor(image_id);
       // Points that only new images see would hold them where they start.
-      if (Adjust() < 0) break;
+      if (Adjust() < 0) return colmap::Reconstruction();
       PlaceNewPoints();
     }
-    Adjust();
+    if (Adjust() < 0) return colmap::Reconstruction();
     return Build();
   }
 

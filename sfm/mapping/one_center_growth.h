@@ -11,7 +11,7 @@
 namespace dgsfm {
 
 // Adjusts poses, points and intrinsics of a model; returns its cost, or a
-// negative number if that failed.
+// negative number if that failed or the model is not worth growing.
 using GrowthAdjuster = std::function<double(colmap::Reconstruction*)>;
 
 // Grows a model from one whose images are all at the origin, with turned
@@ -26,7 +26,7 @@ using GrowthAdjuster = std::function<double(colmap::Reconstruction*)>;
 // would be right in one part and reversed in another.
 //
 // Returns a model with the images that could be placed, at least two, or one
-// without points if the first ones could not be.
+// without points if the first ones could not be or an adjustment failed.
 colmap::Reconstruction GrowFromOneCenter(const colmap::Reconstruction& turned,
                                          const GrowthAdjuster& adjust);
 

@@ -7,6 +7,7 @@
 #include "sfm/mapping/one_center_growth.h"
 #include "sfm/mapping/shared_center.h"
 
+#include <limits>
 #include <utility>
 
 namespace dgsfm {
@@ -18,6 +19,9 @@ constexpr int kMaxNumGrowthIterations = 100;
 // Their relative decrease by an iteration: valleys are long where there is
 // little parallax.
 constexpr double kGrowthFunctionTolerance = 1e-6;
+// Cost of an observation while a model grows, over that by the other start, at
+// which it is given up: what is still held may lower it.
+constexpr double kMaxCostRatio = 2;
 
 // The cost of a model's observations, and of those of the start that it lost,
 // as if they were off by as much as a filter lets pass [px^2].
@@ -57,8 +61,10 @@ void TakeOver(const colmap::Reconstruction& part,
   }
 }
 
-// Adjusts a model whose images share a centre, first with this held.
+// Adjusts a model whose images share a centre, first with this held; gives up
+// once an observation costs more than max_cost.
 bool AdjustFromOneCenter(const MappingContext& context,
+                         double max_cost,
                          ModelInProgress* progress,
                          MappingLog* log) {
   const ModelRefinementOptions& options = context.options.refinement;
@@ -83,11 +89,12 @@ bool AdjustFromOneCenter(const MappingContext& context,
   adjustment.function_tolerance = kGrowthFunctionTolerance;
   colmap::Reconstruction grown =
       GrowFromOneCenter(progress->model, [&](colmap::Reconstruction* model) {
-        const bool is_adjusted =
-            Adjust(context, adjustment, beliefs, progress->rigs, {}, model)
-                .has_value();
-        return is_adjusted ? CostOfObservations(adjustment.Loss(), *model)
-                           : -1.0;
+        if (!Adjust(context, adjustment, beliefs, progress->rigs, {}, model)) {
+          return -1.0;
+        }
+        const double cost = CostOfObservations(adjustment.Loss(), *model);
+        return cost > max_cost * double(model->ComputeNumObservations()) ? -1.0
+                                                                         : cost;
       });
   if (grown.NumPoints3D() == 0) return false;
   TakeOver(grown, &progress->model);
@@ -99,6 +106,7 @@ bool AdjustFromOneCenter(const MappingContext& context,
 ModelInProgress AtOneCenter(const ModelStarts& starts,
                             const ModelInProgress& progress) {
   ModelInProgress turned = progress;
+  turned.has_little_parallax = true;
   turned.model = starts.from_one_center();
   UseCameras(progress.cameras, &turned.model);
   for (const auto& [camera_id, camera] : progress.model.Cameras()) {
@@ -114,18 +122,23 @@ bool ReplaceIfBetterFromOneCenter(const MappingContext& context,
                                   ModelInProgress* progress,
                                   MappingLog* log) {
   StageTimer timer("start_from_one_center");
+  const double other_cost =
+      is_refined
+          ? CostOfModel(context, num_observations_of_start, progress->model)
+          : std::numeric_limits<double>::infinity();
   MappingLog details;
-  if (!AdjustFromOneCenter(context, &turned, &details)) return is_refined;
+  if (!AdjustFromOneCenter(
+          context,
+          kMaxCostRatio * other_cost / double(num_observations_of_start),
+          &turned,
+          &details)) {
+    return is_refined;
+  }
   const double cost =
       CostOfModel(context, num_observations_of_start, turned.model);
   timer.Add("cost", cost).Add("points", double(turned.model.NumPoints3D()));
-  bool is_better = true;
-  if (is_refined) {
-    const double other_cost =
-        CostOfModel(context, num_observations_of_start, progress->model);
-    timer.Add("cost_of_other_start", other_cost);
-    is_better = cost < other_cost;
-  }
+  if (is_refined) timer.Add("cost_of_other_start", other_cost);
+  const bool is_better = cost < other_cost;
   timer.Add("kept", is_better);
   timer.Finish(&log->stages);
   if (is_better) *progress = std::move(turned);

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <glog/logging.h>
 
@@ -17,9 +18,6 @@ namespace {
 
 // Share of points without parallax above which a user should hear of it.
 constexpr double kMaxShareWithoutParallax = 0.8;
-// Median angle between the outermost rays of tracks up to which a start from
-// one centre is tried [deg]. Errors of averaged rotations are part of it.
-constexpr double kMaxRayAngleDeg = 2.5;
 // How much more than expected one centre may cost, over what is expected.
 constexpr double kMaxExcessRatio = 2;
 // Centres nearer than this are the same [median distance of points].
@@ -90,16 +88,16 @@ double ShareWithoutParallax(double min_angle_deg,
 
 }  // namespace
 
-bool HasLittleParallax(const std::vector<colmap::Track>& tracks,
-                       const colmap::Reconstruction& model) {
+double MedianRayAngleDeg(const std::vector<colmap::Track>& tracks,
+                         const colmap::Reconstruction& model) {
   std::vector<double> angles_deg;
   for (const colmap::Track& track : tracks) {
     angles_deg.push_back(RayAngleDeg(RaysOf(model, track)));
   }
-  if (angles_deg.empty()) return false;
+  if (angles_deg.empty()) return std::numeric_limits<double>::infinity();
   const double median_deg = Median(angles_deg);
   VLOG(1) << "Rays of tracks enclose " << median_deg << " deg (median)";
-  return median_deg <= kMaxRayAngleDeg;
+  return median_deg;
 }
 
 void PlaceAtOneCenter(const std::vector<colmap::Track>& tracks,

@@ -15,11 +15,12 @@
 
 namespace dgsfm {
 
-// Whether the viewing rays of tracks, turned by the rotations of the model,
-// hardly differ: centres then start better from one place than from pairs,
-// whose translations are noise.
-bool HasLittleParallax(const std::vector<colmap::Track>& tracks,
-                       const colmap::Reconstruction& model);
+// Median angle between the outermost viewing rays of tracks, turned by the
+// rotations of the model, whose errors are part of it; infinite without tracks.
+// Where it is small, centres start better from one place than from pairs, whose
+// translations are noise.
+double MedianRayAngleDeg(const std::vector<colmap::Track>& tracks,
+                         const colmap::Reconstruction& model);
 
 // Registers all images at the origin, and adds a point for each track at unit
 // distance in the mean direction of its rays.

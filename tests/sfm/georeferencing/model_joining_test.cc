@@ -57,7 +57,7 @@ class ModelJoiningTest : public testing::Test {
     EXPECT_EQ(models_[0]->NumRegImages(), 8);
   }
 
-  // All images of frames have the cameras that their frames say.
+  // All images of frames have the cameras of their frames.
   void ExpectCamerasOfFrames() const {
     for (const auto& [frame_id, frame] : rigs_[0].frames) {
       for (const auto& [camera_id, image_id] : frame.images) {

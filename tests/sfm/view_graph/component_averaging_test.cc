@@ -123,7 +123,7 @@ TEST(AverageComponentRotations, GravityOfRigsStraightensAStreet) {
     frames[second] = {frame_t(i), 2, rolled};
     scene.pose_priors[second].gravity =
         rolled.rotation * Eigen::Vector3d::UnitY();
-    // Without loops, pairs are as exact as they are said to be.
+    // Without loops, the given standard deviations of pairs hold.
     for (int j = i + 1; j < kNumFrames && j <= i + 1; ++j) {
       PairGeometry& pair = component.pairs[PairIdOfImages(first, 2 * j + 1)];
       pair.status = PairStatus::VALID;
