@@ -26,8 +26,8 @@ struct ModelInProgress {
   std::optional<Similarity3d> positions_from_start;
   // Key points that may get observations.
   UsedKeypoints used_keypoints;
-  // Whether the rays of its tracks hardly differ, so that a principal point off
-  // by a pixel moves centres as far as they are apart.
+  // Whether the rays of its tracks hardly differ, or the start from one centre
+  // was better: a principal point off by a pixel moves centres by their spread.
   bool has_little_parallax = false;
   // Scales of the loss of the final adjustments.
   LossScales final_loss_scales;

@@ -61,8 +61,8 @@ struct ComponentRotations {
 // are outliers, averages that keep them are tried as well: one of these wins if
 // its cost, matches that its pairs miss by the depths and evidence of its
 // outliers, is clearly lower.
-// Images of a frame share its rotation, which all their pairs determine. Where
-// images have gravity, it refines the rotations in the end.
+// Images of a frame share its rotation, which all their pairs determine. With
+// options.gravity.use_gravity, gravity refines the rotations in the end.
 // Nothing if the averaging fails.
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,

@@ -28,8 +28,8 @@ constexpr double kMaxPlanarShare = 0.8;
 // Relative difference from averaged focal lengths up to which pairs are not
 // verified again: calibrated ones are not better.
 constexpr double kMaxFocalDifference = 0.01;
-// Pairs that lose more than a tenth of their inliers by averaged focal lengths
-// have others. So many show it.
+// Averaged focal lengths are wrong where pairs lose more than a tenth of their
+// inliers by them; at most so many pairs are tried first.
 constexpr double kMinShareOfInliersKept = 0.9;
 constexpr size_t kMaxNumSampledPairs = 500;
 
@@ -144,8 +144,12 @@ void VerifyWithAverages(const PairVerificationOptions& verification,
   PairGeometries before;
   const size_t interval = pair_ids.size() / kMaxNumSampledPairs + 1;
   for (size_t i = 0; i < pair_ids.size(); ++i) {
-    (i % interval == 0 ? sample : others).push_back(pair_ids[i]);
-    if (i % interval == 0) before[pair_ids[i]] = pairs->at(pair_ids[i]);
+    if (i % interval > 0) {
+      others.push_back(pair_ids[i]);
+      continue;
+    }
+    sample.push_back(pair_ids[i]);
+    before[pair_ids[i]] = pairs->at(pair_ids[i]);
   }
   const auto verify = [&](const std::vector<colmap::image_pair_t>& ids) {
     VerifyAgain(
