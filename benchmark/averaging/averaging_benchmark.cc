@@ -91,9 +91,14 @@ std::vector<double> ScaleErrors(const AveragingGraph& graph) {
                      &log_scales)) {
     return errors;
   }
+  // The gauge in which most agree: the fixed node may be wrong itself.
+  std::vector<double> differences;
   for (size_t i = 0; i < log_scales.size(); ++i) {
-    errors.push_back(
-        std::abs(log_scales[i] - (graph.log_scales[i] - graph.log_scales[0])));
+    differences.push_back(log_scales[i] - graph.log_scales[i]);
+  }
+  const double gauge = Median(differences);
+  for (const double difference : differences) {
+    errors.push_back(std::abs(difference - gauge));
   }
   return errors;
 }

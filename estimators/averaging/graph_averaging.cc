@@ -14,6 +14,13 @@ namespace {
 // change by less [standard deviations].
 constexpr double kL1Floor = 0.1;
 
+// Residuals beyond this have no influence in the last phase [scales of the
+// loss]. That of the loss is small there, but pulls more on the side that a
+// false edge agrees with: many of them tear far parts of a large graph apart.
+constexpr double kMaxScaledResidual = 5.0;
+// Weight of these, for the linear system needs one.
+constexpr double kMinWeight = 1e-9;
+
 struct Phase {
   Eigen::VectorXd edge_weights;
   std::function<double(double norm)> robust_weight;
@@ -50,7 +57,11 @@ std::function<double(double)> L1Weight(double floor) {
 
 std::function<double(double)> GemanMcClureWeight(double scale) {
   return [sq_scale = scale * scale](double norm) {
-    const double ratio = sq_scale / (sq_scale + norm * norm);
+    const double sq_norm = norm * norm;
+    if (sq_norm > kMaxScaledResidual * kMaxScaledResidual * sq_scale) {
+      return kMinWeight;
+    }
+    const double ratio = sq_scale / (sq_scale + sq_norm);
     return ratio * ratio;
   };
 }

@@ -34,7 +34,8 @@ struct GraphAveragingOptions {
 std::function<double(double)> L1Weight(double floor);
 
 // w(r) = (s^2 / (s^2 + r^2))^2, the weight of the redescending Geman-McClure
-// loss rho(r) = s^2 r^2 / (s^2 + r^2); w(0) = 1.
+// loss rho(r) = s^2 r^2 / (s^2 + r^2); w(0) = 1. Beyond 5 s it is 1e-9: rho is
+// constant there.
 std::function<double(double)> GemanMcClureWeight(double scale);
 
 // Minimises sum_e weight_e rho(|r_e| / stddev_e) over the nodes, first with

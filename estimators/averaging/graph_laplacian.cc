@@ -1,13 +1,16 @@
 #include "estimators/averaging/graph_laplacian.h"
 
+#include "colmap_ext/cancellation.h"
 #include "colmap_ext/check.h"
 
 #include <algorithm>
 
-#include <Eigen/IterativeLinearSolvers>
-
 namespace dgsfm {
 namespace {
+
+// Graphs of more nodes are not analysed, which takes longer than to solve them
+// where the factors fill in.
+constexpr int kMaxNumFactorizedNodes = 20000;
 
 // Factorisations with more multiplications than this, some 0.1 s, are slower
 // than conjugate gradients [1].
@@ -18,6 +21,13 @@ constexpr double kMaxNumMultiplications = 1e8;
 // is left.
 constexpr double kResidualTolerance = 1e-4;
 
+// Iterations of conjugate gradients, which take 10 to 60 with a new factor.
+constexpr int kMaxNumIterations = 1000;
+
+// Iterations that take as long as a new factor: a preconditioner that needs as
+// many, or as many more than when it was new, gives way to one.
+constexpr int kNumIterationsPerFactor = 60;
+
 // Index among the values of a compressed matrix of an entry in its pattern.
 int FindEntry(const Eigen::SparseMatrix<double>& matrix, int row, int col) {
   const int* rows = matrix.innerIndexPtr();
@@ -26,18 +36,90 @@ int FindEntry(const Eigen::SparseMatrix<double>& matrix, int row, int col) {
   return static_cast<int>(std::lower_bound(begin, end, row) - rows);
 }
 
-// False without convergence.
-bool SolveByConjugateGradients(const Eigen::SparseMatrix<double>& laplacian,
-                               const Eigen::MatrixXd& right_side,
-                               Eigen::MatrixXd* unknowns) {
-  // Nodes without edges would get zero instead of a failure.
-  if (!(Eigen::VectorXd(laplacian.diagonal()).minCoeff() > 0)) return false;
-  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>,
-                           Eigen::Lower | Eigen::Upper>
-      solver;
-  solver.setTolerance(kResidualTolerance);
-  *unknowns = solver.compute(laplacian).solve(right_side);
-  return solver.info() == Eigen::Success && unknowns->allFinite();
+// Right side of the normal equations.
+template <int kNumColumns>
+NodeVectors<kNumColumns> RightSide(int num_nodes,
+                                   const std::vector<GraphEdge>& edges,
+                                   const Eigen::VectorXd& weights,
+                                   const Eigen::MatrixXd& differences) {
+  NodeVectors<kNumColumns> right_side =
+      NodeVectors<kNumColumns>::Zero(num_nodes, kNumColumns);
+  for (size_t e = 0; e < edges.size(); ++e) {
+    right_side.row(edges[e].first) -= weights(e) * differences.row(e);
+    right_side.row(edges[e].second) += weights(e) * differences.row(e);
+  }
+  return right_side;
+}
+
+template <int kNumColumns>
+NodeVectors<kNumColumns> MultiplyByLaplacian(
+    const std::vector<GraphEdge>& edges,
+    const Eigen::VectorXd& weights,
+    const NodeVectors<kNumColumns>& vectors) {
+  NodeVectors<kNumColumns> product =
+      NodeVectors<kNumColumns>::Zero(vectors.rows(), kNumColumns);
+  for (size_t e = 0; e < edges.size(); ++e) {
+    const auto [node1, node2] = edges[e];
+    const Eigen::Matrix<double, 1, kNumColumns> change =
+        weights(e) * (vectors.row(node2) - vectors.row(node1));
+    product.row(node1) -= change;
+    product.row(node2) += change;
+  }
+  return product;
+}
+
+template <int kNumColumns>
+using ColumnArray = Eigen::Array<double, kNumColumns, 1>;
+
+template <int kNumColumns>
+ColumnArray<kNumColumns> ColumnDots(const NodeVectors<kNumColumns>& a,
+                                    const NodeVectors<kNumColumns>& b) {
+  return a.cwiseProduct(b).colwise().sum().transpose();
+}
+
+// Conjugate gradients for each column, with the whole Laplacian, whose null
+// space are the constants: without the fixed node it is badly conditioned, for
+// few edges hold that node against all others. The values start as they are.
+// Returns the iterations taken, nothing without convergence.
+template <int kNumColumns, typename Preconditioner>
+std::optional<int> SolveByConjugateGradients(
+    const std::vector<GraphEdge>& edges,
+    const Eigen::VectorXd& weights,
+    const NodeVectors<kNumColumns>& right_side,
+    const Preconditioner& precondition,
+    int max_num_iterations,
+    NodeVectors<kNumColumns>* values) {
+  const ColumnArray<kNumColumns> max_sq_norms =
+      kResidualTolerance * kResidualTolerance *
+      ColumnDots(right_side, right_side);
+  NodeVectors<kNumColumns> residuals =
+      right_side - MultiplyByLaplacian(edges, weights, *values);
+  NodeVectors<kNumColumns> directions;
+  ColumnArray<kNumColumns> products;
+  for (int i = 0; i < max_num_iterations; ++i) {
+    ThrowIfCancelled();
+    if ((ColumnDots(residuals, residuals) <= max_sq_norms).all()) return i;
+    NodeVectors<kNumColumns> steps = residuals;
+    precondition(&steps);
+    const ColumnArray<kNumColumns> previous_products = products;
+    products = ColumnDots(residuals, steps);
+    if (i == 0) {
+      directions = std::move(steps);
+    } else {
+      // Columns that are solved exactly stay.
+      const ColumnArray<kNumColumns> ratios =
+          (previous_products > 0).select(products / previous_products, 0.0);
+      directions = steps + directions * ratios.matrix().asDiagonal();
+    }
+    const NodeVectors<kNumColumns> changes =
+        MultiplyByLaplacian(edges, weights, directions);
+    const ColumnArray<kNumColumns> curvatures = ColumnDots(directions, changes);
+    const ColumnArray<kNumColumns> lengths =
+        (curvatures > 0).select(products / curvatures, 0.0);
+    *values += directions * lengths.matrix().asDiagonal();
+    residuals -= changes * lengths.matrix().asDiagonal();
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -45,99 +127,138 @@ bool SolveByConjugateGradients(const Eigen::SparseMatrix<double>& laplacian,
 GraphLaplacianSolver::GraphLaplacianSolver(int num_nodes,
                                            const std::vector<GraphEdge>& edges,
                                            int fixed_node)
-    : num_nodes_(num_nodes), fixed_node_(fixed_node) {
+    : num_nodes_(num_nodes), fixed_node_(fixed_node), edges_(edges) {
   DGSFM_CHECK(fixed_node >= 0 && fixed_node < num_nodes)
       << "fixed_node = " << fixed_node << " of " << num_nodes;
-  // Rows of the unknowns: the nodes without the fixed one.
-  const auto row_of = [&](int node) {
-    DGSFM_CHECK(node >= 0 && node < num_nodes)
-        << "node " << node << " of " << num_nodes;
-    return node == fixed_node ? -1 : node - (node > fixed_node ? 1 : 0);
-  };
-  std::vector<Eigen::Triplet<double>> pattern;
-  for (int row = 0; row < num_nodes - 1; ++row) {
-    pattern.emplace_back(row, row, 1);
+  for (const auto& [node1, node2] : edges) {
+    for (const int node : {node1, node2}) {
+      DGSFM_CHECK(node >= 0 && node < num_nodes)
+          << "node " << node << " of " << num_nodes;
+    }
   }
-  entries_.resize(edges.size());
-  for (size_t e = 0; e < edges.size(); ++e) {
-    EdgeEntries& entry = entries_[e];
-    entry.row1 = row_of(edges[e].first);
-    entry.row2 = row_of(edges[e].second);
-    if (entry.row1 < 0 || entry.row2 < 0 || entry.row1 == entry.row2) continue;
-    pattern.emplace_back(entry.row1, entry.row2, 0);
-    pattern.emplace_back(entry.row2, entry.row1, 0);
-  }
-  laplacian_.resize(num_nodes - 1, num_nodes - 1);
-  laplacian_.setFromTriplets(pattern.begin(), pattern.end());
-
-  for (EdgeEntries& entry : entries_) {
-    const auto [row1, row2] = std::make_pair(entry.row1, entry.row2);
-    if (row1 == row2) continue;
-    if (row1 >= 0) entry.diagonal1 = FindEntry(laplacian_, row1, row1);
-    if (row2 >= 0) entry.diagonal2 = FindEntry(laplacian_, row2, row2);
-    if (row1 < 0 || row2 < 0) continue;
-    entry.upper = FindEntry(laplacian_, row1, row2);
-    entry.lower = FindEntry(laplacian_, row2, row1);
-  }
-  if (num_nodes == 1) return;
-  ldlt_.analyzePattern(laplacian_);
-  prefers_factorization_ = ldlt_.NumMultiplications() <= kMaxNumMultiplications;
+  if (num_nodes == 1 || num_nodes > kMaxNumFactorizedNodes) return;
+  AnalyzePattern();
+  is_factorized_ = ldlt_.NumMultiplications() <= kMaxNumMultiplications;
 }
 
 bool GraphLaplacianSolver::Solve(const Eigen::VectorXd& weights,
                                  const Eigen::MatrixXd& differences,
                                  Eigen::MatrixXd* solution) {
+  const auto num_edges = static_cast<Eigen::Index>(edges_.size());
+  DGSFM_CHECK(weights.size() == num_edges && differences.rows() == num_edges);
   const Eigen::Index num_columns = differences.cols();
   DGSFM_CHECK(num_columns == 1 || num_columns == 3)
       << "differences of " << num_columns << " columns";
-  const Eigen::MatrixXd right_side = Assemble(weights, differences);
-  Eigen::MatrixXd unknowns(num_nodes_ - 1, num_columns);
+  return num_columns == 1 ? SolveColumns<1>(weights, differences, solution)
+                          : SolveColumns<3>(weights, differences, solution);
+}
+
+template <int kNumColumns>
+bool GraphLaplacianSolver::SolveColumns(const Eigen::VectorXd& weights,
+                                        const Eigen::MatrixXd& differences,
+                                        Eigen::MatrixXd* solution) {
+  auto values =
+      RightSide<kNumColumns>(num_nodes_, edges_, weights, differences);
   if (num_nodes_ > 1 &&
-      (prefers_factorization_ ||
-       !SolveByConjugateGradients(laplacian_, right_side, &unknowns)) &&
-      !SolveByFactorization(right_side, &unknowns)) {
+      !(is_factorized_ ? SolveByFactorization(weights, &values)
+                       : SolveByIterations(weights, &values))) {
     return false;
   }
-  solution->resize(num_nodes_, num_columns);
-  solution->topRows(fixed_node_) = unknowns.topRows(fixed_node_);
-  solution->row(fixed_node_).setZero();
-  solution->bottomRows(num_nodes_ - 1 - fixed_node_) =
-      unknowns.bottomRows(num_nodes_ - 1 - fixed_node_);
+  if (!values.allFinite()) return false;
+  *solution = values.rowwise() - values.row(fixed_node_).eval();
   return true;
 }
 
-Eigen::MatrixXd GraphLaplacianSolver::Assemble(
-    const Eigen::VectorXd& weights, const Eigen::MatrixXd& differences) {
-  const auto num_edges = static_cast<Eigen::Index>(entries_.size());
-  DGSFM_CHECK(weights.size() == num_edges && differences.rows() == num_edges);
-  Eigen::MatrixXd right_side =
-      Eigen::MatrixXd::Zero(num_nodes_ - 1, differences.cols());
-  std::fill_n(laplacian_.valuePtr(), laplacian_.nonZeros(), 0.0);
-  for (Eigen::Index e = 0; e < num_edges; ++e) {
-    const EdgeEntries& entry = entries_[e];
-    const double weight = weights(e);
-    if (entry.diagonal1 >= 0) {
-      laplacian_.valuePtr()[entry.diagonal1] += weight;
-      right_side.row(entry.row1) -= weight * differences.row(e);
-    }
-    if (entry.diagonal2 >= 0) {
-      laplacian_.valuePtr()[entry.diagonal2] += weight;
-      right_side.row(entry.row2) += weight * differences.row(e);
-    }
-    if (entry.upper >= 0) {
-      laplacian_.valuePtr()[entry.upper] -= weight;
-      laplacian_.valuePtr()[entry.lower] -= weight;
-    }
-  }
-  return right_side;
+int GraphLaplacianSolver::RowOf(int node) const {
+  return node == fixed_node_ ? -1 : node - (node > fixed_node_ ? 1 : 0);
 }
 
+void GraphLaplacianSolver::AnalyzePattern() {
+  std::vector<Eigen::Triplet<double>> pattern;
+  for (int row = 0; row < num_nodes_ - 1; ++row) {
+    pattern.emplace_back(row, row, 1);
+  }
+  for (const auto& [node1, node2] : edges_) {
+    const int row1 = RowOf(node1);
+    const int row2 = RowOf(node2);
+    if (row1 < 0 || row2 < 0 || row1 == row2) continue;
+    pattern.emplace_back(row1, row2, 0);
+    pattern.emplace_back(row2, row1, 0);
+  }
+  laplacian_.resize(num_nodes_ - 1, num_nodes_ - 1);
+  laplacian_.setFromTriplets(pattern.begin(), pattern.end());
+  ldlt_.analyzePattern(laplacian_);
+}
+
+void GraphLaplacianSolver::FillIn(const Eigen::VectorXd& weights) {
+  std::fill_n(laplacian_.valuePtr(), laplacian_.nonZeros(), 0.0);
+  const auto add = [&](int row, int col, double value) {
+    if (row >= 0 && col >= 0) {
+      laplacian_.valuePtr()[FindEntry(laplacian_, row, col)] += value;
+    }
+  };
+  for (size_t e = 0; e < edges_.size(); ++e) {
+    const int row1 = RowOf(edges_[e].first);
+    const int row2 = RowOf(edges_[e].second);
+    if (row1 == row2) continue;
+    add(row1, row1, weights(e));
+    add(row2, row2, weights(e));
+    add(row1, row2, -weights(e));
+    add(row2, row1, -weights(e));
+  }
+}
+
+template <int kNumColumns>
 bool GraphLaplacianSolver::SolveByFactorization(
-    const Eigen::MatrixXd& right_side, Eigen::MatrixXd* unknowns) {
+    const Eigen::VectorXd& weights, NodeVectors<kNumColumns>* values) {
+  FillIn(weights);
   ldlt_.factorize(laplacian_);
   if (ldlt_.info() != Eigen::Success) return false;
-  *unknowns = ldlt_.solve(right_side);
-  return ldlt_.info() == Eigen::Success && unknowns->allFinite();
+  const Eigen::Index num_below = num_nodes_ - 1 - fixed_node_;
+  Eigen::MatrixXd unknowns(num_nodes_ - 1, kNumColumns);
+  unknowns << values->topRows(fixed_node_), values->bottomRows(num_below);
+  unknowns = ldlt_.solve(unknowns).eval();
+  values->topRows(fixed_node_) = unknowns.topRows(fixed_node_);
+  values->row(fixed_node_).setZero();
+  values->bottomRows(num_below) = unknowns.bottomRows(num_below);
+  return ldlt_.info() == Eigen::Success;
+}
+
+template <int kNumColumns>
+bool GraphLaplacianSolver::SolveByIterations(const Eigen::VectorXd& weights,
+                                             NodeVectors<kNumColumns>* values) {
+  const Eigen::VectorXd diagonal =
+      LaplacianDiagonal(num_nodes_, edges_, weights);
+  // Nodes without edges would get zero instead of a failure.
+  if (!(diagonal.minCoeff() > 0)) return false;
+  const auto precondition = [&](NodeVectors<kNumColumns>* vectors) {
+    if (factor_) {
+      factor_->Apply(vectors);
+    } else {
+      vectors->array().colwise() /= diagonal.array();
+    }
+  };
+  const NodeVectors<kNumColumns> right_side = std::move(*values);
+  *values = NodeVectors<kNumColumns>::Zero(num_nodes_, kNumColumns);
+  const auto solve = [&](int max_num_iterations) {
+    const std::optional<int> num_iterations = SolveByConjugateGradients(
+        edges_, weights, right_side, precondition, max_num_iterations, values);
+    if (num_iterations) preconditioner_wear_.Add(*num_iterations);
+    return num_iterations.has_value();
+  };
+  if (preconditioner_wear_.num_extra_iterations < kNumIterationsPerFactor &&
+      solve(kNumIterationsPerFactor)) {
+    return true;
+  }
+  const WeightedEdges sample = SampleEdges(num_nodes_, edges_, weights);
+  factor_.emplace(num_nodes_, sample.edges, sample.weights);
+  preconditioner_wear_ = {};
+  return factor_->IsConnected() && solve(kMaxNumIterations);
+}
+
+void GraphLaplacianSolver::PreconditionerWear::Add(int num_iterations) {
+  fewest_iterations = std::min(fewest_iterations, num_iterations);
+  num_extra_iterations += num_iterations - fewest_iterations;
 }
 
 }  // namespace dgsfm

@@ -3,8 +3,10 @@
 
 #pragma once
 
-#include "estimators/averaging/graph.h"
+#include "estimators/averaging/approximate_cholesky.h"
 
+#include <limits>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -18,9 +20,9 @@ namespace dgsfm {
 // without the row and column of that node.
 //
 // Its pattern is analysed once. Where the factors would fill in, as the many
-// edges between far nodes of a large graph make them, conjugate gradients
-// preconditioned by the diagonal take the place of LDL^T: such graphs are well
-// conditioned. Single-threaded, without BLAS: the same bits everywhere.
+// edges between far nodes of a large graph make them, conjugate gradients with
+// ApproximateCholesky take the place of LDL^T. Single-threaded, without BLAS:
+// the same bits everywhere.
 class GraphLaplacianSolver {
  public:
   // Throws on nodes out of range. Self-loops add nothing, parallel edges add
@@ -31,8 +33,8 @@ class GraphLaplacianSolver {
 
   // weights: E, finite and positive. differences: E x K, K one or three.
   // solution: N x K.
-  // Conjugate gradients that do not converge give way to LDL^T. False,
-  // solution unchanged, if that fails or the solution is not finite.
+  // False, solution unchanged, if a factorisation fails, conjugate gradients do
+  // not converge or the solution is not finite.
   [[nodiscard]] bool Solve(const Eigen::VectorXd& weights,
                            const Eigen::MatrixXd& differences,
                            Eigen::MatrixXd* solution);
@@ -48,29 +50,40 @@ class GraphLaplacianSolver {
     }
   };
 
-  // Where an edge's weight goes among the values of the matrix; -1 for
-  // entries of the fixed node.
-  struct EdgeEntries {
-    int row1 = -1;
-    int row2 = -1;
-    int diagonal1 = -1;
-    int diagonal2 = -1;
-    int upper = -1;
-    int lower = -1;
+  // Iterations beyond those of its best solution, since a preconditioner is
+  // new.
+  struct PreconditionerWear {
+    int fewest_iterations = std::numeric_limits<int>::max();
+    int num_extra_iterations = 0;
+    void Add(int num_iterations);
   };
 
-  // Returns the right side of the normal equations, N - 1 x K.
-  Eigen::MatrixXd Assemble(const Eigen::VectorXd& weights,
-                           const Eigen::MatrixXd& differences);
-  bool SolveByFactorization(const Eigen::MatrixXd& right_side,
-                            Eigen::MatrixXd* unknowns);
+  // Row of a node in the system without the fixed node; -1 for that one.
+  int RowOf(int node) const;
+  void AnalyzePattern();
+  void FillIn(const Eigen::VectorXd& weights);
+  template <int kNumColumns>
+  bool SolveColumns(const Eigen::VectorXd& weights,
+                    const Eigen::MatrixXd& differences,
+                    Eigen::MatrixXd* solution);
+  // The values are the right side, afterwards the solution.
+  template <int kNumColumns>
+  bool SolveByFactorization(const Eigen::VectorXd& weights,
+                            NodeVectors<kNumColumns>* values);
+  template <int kNumColumns>
+  bool SolveByIterations(const Eigen::VectorXd& weights,
+                         NodeVectors<kNumColumns>* values);
 
   int num_nodes_;
   int fixed_node_;
-  std::vector<EdgeEntries> entries_;
+  std::vector<GraphEdge> edges_;
   SparseMatrix laplacian_;  // both triangles
   Ldlt ldlt_;
-  bool prefers_factorization_ = true;
+  bool is_factorized_ = false;
+  // The preconditioner of conjugate gradients, the diagonal if there is none:
+  // of an earlier solution's weights, which the next ones resemble.
+  std::optional<ApproximateCholesky> factor_;
+  PreconditionerWear preconditioner_wear_;
 };
 
 }  // namespace dgsfm

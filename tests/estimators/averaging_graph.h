@@ -28,8 +28,8 @@ struct AveragingGraphOptions {
   int num_nodes = 100;
   int num_edges = 1000;
   // Share of edges with a random rotation and translation, and a scale ratio
-  // three times too large or small: between random nodes, or among those of
-  // the layout.
+  // 1.7 to 5.2 times too large or small: between random nodes, or among those
+  // of the layout.
   double false_ratio = 0.3;
   bool false_neighbors = false;
   double rotation_noise_deg = 1;  // each component of the angle-axis vector
@@ -161,7 +161,9 @@ inline AveragingGraph CreateAveragingGraph(
              ? random_rotation()
              : noise * graph.rotations[j] * graph.rotations[i].conjugate()});
     const double gross_error =
-        is_false ? std::copysign(std::log(3.0), normal(random)) : 0.0;
+        is_false ? std::copysign(std::log(3.0) * (0.5 + uniform(random)),
+                                 normal(random))
+                 : 0.0;
     graph.ratios.push_back({i,
                             j,
                             graph.log_scales[j] - graph.log_scales[i] +
