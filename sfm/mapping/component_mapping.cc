@@ -174,7 +174,7 @@ ModelInProgress StartModel(const MappingContext& context,
   const double ray_angle_deg = MedianRayAngleDeg(*tracks, progress.model);
   if (!context.options.skip_one_center_start && context.scene.rigs.Empty() &&
       ray_angle_deg <= kMaxRayAngleDeg) {
-    progress.has_little_parallax = ray_angle_deg <= kLittleRayAngleDeg;
+    starts->has_little_parallax = ray_angle_deg <= kLittleRayAngleDeg;
     starts->from_one_center = [=, &context, &rotations] {
       colmap::Reconstruction model = CreateModel(context, rotations);
       PlaceAtOneCenter(*tracks, &model);

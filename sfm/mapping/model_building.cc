@@ -102,6 +102,7 @@ bool RefineFromStarts(const MappingContext& context,
                       const ModelStarts& starts,
                       ModelInProgress* progress,
                       MappingLog* log) {
+  progress->has_little_parallax = starts.has_little_parallax;
   std::optional<ModelInProgress> turned;
   if (starts.from_one_center) turned = AtOneCenter(starts, *progress);
   const bool is_refined = PositionModel(context, progress, log) &&

@@ -41,6 +41,8 @@ struct ModelStarts {
   ModelStart from_pairs;
   // All images at one centre; null where their rays show parallax.
   ModelStart from_one_center;
+  // Whether the rays of tracks hardly differ.
+  bool has_little_parallax = false;
   // Number of observations of the tracks that both have.
   size_t num_observations = 0;
   ImageScales depth_scales;

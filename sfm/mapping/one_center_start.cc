@@ -22,6 +22,10 @@ constexpr double kGrowthFunctionTolerance = 1e-6;
 // Cost of an observation while a model grows, over that by the other start, at
 // which it is given up: what is still held may lower it.
 constexpr double kMaxCostRatio = 2;
+// Cost of the model, over that by the other start, below which it is better. A
+// good start from depth may cost some per cent more by chance; without one, the
+// other costs at least twice as much.
+constexpr double kMaxBetterCostRatio = 0.8;
 
 // The cost of a model's observations, and of those of the start that it lost,
 // as if they were off by as much as a filter lets pass [px^2].
@@ -138,7 +142,7 @@ bool ReplaceIfBetterFromOneCenter(const MappingContext& context,
       CostOfModel(context, num_observations_of_start, turned.model);
   timer.Add("cost", cost).Add("points", double(turned.model.NumPoints3D()));
   if (is_refined) timer.Add("cost_of_other_start", other_cost);
-  const bool is_better = cost < other_cost;
+  const bool is_better = cost < kMaxBetterCostRatio * other_cost;
   timer.Add("kept", is_better);
   timer.Finish(&log->stages);
   if (is_better) *progress = std::move(turned);

@@ -35,6 +35,14 @@ TEST(Weights, FallWithTheResidual) {
   EXPECT_EQ(GemanMcClureWeight(2)(2), 0.25);
 }
 
+// The tail of the loss pulls on the side that a false edge agrees with: enough
+// such edges would tear a large graph apart.
+TEST(Weights, FarResidualsHaveNoInfluence) {
+  EXPECT_NEAR(GemanMcClureWeight(2)(9.99), 1.5e-3, 1e-4);
+  EXPECT_LE(GemanMcClureWeight(2)(10.01), 1e-9);
+  EXPECT_GT(GemanMcClureWeight(2)(1e9), 0);
+}
+
 TEST(AverageDifferences, IgnoresOutliers) {
   constexpr int kNumNodes = 12;
   const std::vector<GraphEdge> edges = RingEdges(kNumNodes);
