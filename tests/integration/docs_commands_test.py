@@ -134,7 +134,7 @@ class Options:
             if not self.has_colmap:
                 continue
             commands = ("feature_extractor", "model_aligner", "image_undistorter",
-                        "exhaustive_matcher", "stereo_fusion")  # fmt: skip
+                        "exhaustive_matcher", "stereo_fusion", "poisson_mesher")  # fmt: skip
             assert any(name in self.of_colmap(command) for command in commands), (
                 f"{page}: no command has --{name}"
             )
