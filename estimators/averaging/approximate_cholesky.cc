@@ -234,10 +234,8 @@ ApproximateCholesky::ApproximateCholesky(int num_nodes,
       graph.Remove(neighbor);
       queue.Change(neighbor.node, -1);
     }
-    if (neighbors.empty()) {
-      is_connected_ = is_connected_ && i + 1 == num_nodes;
-      continue;
-    }
+    if (i + 1 == num_nodes) break;
+    DGSFM_CHECK(!neighbors.empty()) << "the graph is not connected";
     sums.clear();
     double sum = 0;
     for (const auto& neighbor : neighbors) {

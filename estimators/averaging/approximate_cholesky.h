@@ -50,13 +50,10 @@ using NodeVectors =
 class ApproximateCholesky {
  public:
   // weights: E, finite and positive. Self-loops have no effect, parallel edges
-  // add up. Throws on nodes out of range.
+  // add up. Throws on nodes out of range and on a graph that is not connected.
   ApproximateCholesky(int num_nodes,
                       const std::vector<GraphEdge>& edges,
                       const Eigen::VectorXd& weights);
-
-  // Whether all nodes are connected; Apply needs it.
-  bool IsConnected() const { return is_connected_; }
 
   // Multiplies columns that sum to zero by the inverse of the factors; the
   // result's columns sum to zero.
@@ -75,7 +72,6 @@ class ApproximateCholesky {
   std::vector<Step> steps_;
   std::vector<int> neighbors_;
   std::vector<double> shares_;
-  bool is_connected_ = true;
 };
 
 }  // namespace dgsfm

@@ -118,9 +118,6 @@ bool AverageDifferences(int num_nodes,
   DGSFM_CHECK(differences.allFinite()) << "differences are not finite";
   CheckStddevs(stddevs);
   GraphLaplacianSolver solver(num_nodes, edges, fixed_node);
-  for (const int component : ConnectedComponents(num_nodes, edges)) {
-    if (component != 0) return false;
-  }
   Eigen::MatrixXd estimates;
   const Eigen::VectorXd weights = stddevs.array().square().inverse();
   if (!solver.Solve(weights, differences, &estimates)) return false;

@@ -130,11 +130,8 @@ GraphLaplacianSolver::GraphLaplacianSolver(int num_nodes,
     : num_nodes_(num_nodes), fixed_node_(fixed_node), edges_(edges) {
   DGSFM_CHECK(fixed_node >= 0 && fixed_node < num_nodes)
       << "fixed_node = " << fixed_node << " of " << num_nodes;
-  for (const auto& [node1, node2] : edges) {
-    for (const int node : {node1, node2}) {
-      DGSFM_CHECK(node >= 0 && node < num_nodes)
-          << "node " << node << " of " << num_nodes;
-    }
+  for (const int component : ConnectedComponents(num_nodes, edges)) {
+    is_connected_ = is_connected_ && component == 0;
   }
   if (num_nodes == 1 || num_nodes > kMaxNumFactorizedNodes) return;
   AnalyzePattern();
@@ -157,6 +154,7 @@ template <int kNumColumns>
 bool GraphLaplacianSolver::SolveColumns(const Eigen::VectorXd& weights,
                                         const Eigen::MatrixXd& differences,
                                         Eigen::MatrixXd* solution) {
+  if (!is_connected_) return false;
   auto values =
       RightSide<kNumColumns>(num_nodes_, edges_, weights, differences);
   if (num_nodes_ > 1 &&
@@ -229,8 +227,6 @@ bool GraphLaplacianSolver::SolveByIterations(const Eigen::VectorXd& weights,
                                              NodeVectors<kNumColumns>* values) {
   const Eigen::VectorXd diagonal =
       LaplacianDiagonal(num_nodes_, edges_, weights);
-  // Nodes without edges would get zero instead of a failure.
-  if (!(diagonal.minCoeff() > 0)) return false;
   const auto precondition = [&](NodeVectors<kNumColumns>* vectors) {
     if (factor_) {
       factor_->Apply(vectors);
@@ -253,7 +249,7 @@ bool GraphLaplacianSolver::SolveByIterations(const Eigen::VectorXd& weights,
   const WeightedEdges sample = SampleEdges(num_nodes_, edges_, weights);
   factor_.emplace(num_nodes_, sample.edges, sample.weights);
   preconditioner_wear_ = {};
-  return factor_->IsConnected() && solve(kMaxNumIterations);
+  return solve(kMaxNumIterations);
 }
 
 void GraphLaplacianSolver::PreconditionerWear::Add(int num_iterations) {

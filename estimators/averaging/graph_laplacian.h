@@ -33,8 +33,8 @@ class GraphLaplacianSolver {
 
   // weights: E, finite and positive. differences: E x K, K one or three.
   // solution: N x K.
-  // False, solution unchanged, if a factorisation fails, conjugate gradients do
-  // not converge or the solution is not finite.
+  // False, solution unchanged, if nodes are not connected, a factorisation
+  // fails, conjugate gradients do not converge or the solution is not finite.
   [[nodiscard]] bool Solve(const Eigen::VectorXd& weights,
                            const Eigen::MatrixXd& differences,
                            Eigen::MatrixXd* solution);
@@ -77,6 +77,7 @@ class GraphLaplacianSolver {
   int num_nodes_;
   int fixed_node_;
   std::vector<GraphEdge> edges_;
+  bool is_connected_ = true;
   SparseMatrix laplacian_;  // both triangles
   Ldlt ldlt_;
   bool is_factorized_ = false;
