@@ -21,12 +21,44 @@ constexpr double kMaxScaledResidual = 5.0;
 // Weight of these, for the linear system needs one.
 constexpr double kMinWeight = 1e-9;
 
+// Triangles that give an edge full trust in the L1 phase, and trust without
+// any.
+constexpr double kMaxNumTriangles = 3;
+constexpr double kMinTrust = 0.1;
+
 struct Phase {
   Eigen::VectorXd edge_weights;
   std::function<double(double norm)> robust_weight;
   int max_num_iterations = 0;
   double convergence_threshold = 0;
 };
+
+// Triangles of each edge whose three differences add up to zero within three
+// standard deviations.
+std::vector<double> CountClosingTriangles(int num_nodes,
+                                          const std::vector<GraphEdge>& edges,
+                                          const Eigen::MatrixXd& differences,
+                                          const Eigen::VectorXd& stddevs) {
+  std::vector<double> counts(edges.size(), 0);
+  VisitTriangles(num_nodes, edges, [&](int edge1, int edge2, int edge3) {
+    // Along edge1, then along whichever edge leads on, then back.
+    int node = edges[edge1].second;
+    if (edges[edge2].first != node && edges[edge2].second != node) {
+      std::swap(edge2, edge3);
+    }
+    Eigen::RowVectorXd loop = differences.row(edge1);
+    double variance = stddevs(edge1) * stddevs(edge1);
+    for (const int e : {edge2, edge3}) {
+      const bool forward = edges[e].first == node;
+      loop += (forward ? 1 : -1) * differences.row(e);
+      node = forward ? edges[e].second : edges[e].first;
+      variance += stddevs(e) * stddevs(e);
+    }
+    if (loop.squaredNorm() > 9 * variance) return;
+    for (const int e : {edge1, edge2, edge3}) ++counts[e];
+  });
+  return counts;
+}
 
 // Mean over the edges of |x_2 - x_1| / stddev, whatever the gauge.
 double MeanChange(const std::vector<GraphEdge>& edges,
@@ -64,6 +96,16 @@ std::function<double(double)> GemanMcClureWeight(double scale) {
     const double ratio = sq_scale / (sq_scale + sq_norm);
     return ratio * ratio;
   };
+}
+
+Eigen::VectorXd TrustInTriangles(
+    const std::vector<double>& num_closing_triangles) {
+  Eigen::VectorXd trust(num_closing_triangles.size());
+  for (Eigen::Index e = 0; e < trust.size(); ++e) {
+    trust(e) =
+        std::clamp(num_closing_triangles[e] / kMaxNumTriangles, kMinTrust, 1.0);
+  }
+  return trust;
 }
 
 bool AverageReweighted(
@@ -134,7 +176,8 @@ bool AverageDifferences(int num_nodes,
           edges,
           stddevs,
           Eigen::VectorXd::Ones(stddevs.size()),
-          Eigen::VectorXd::Ones(stddevs.size()),
+          TrustInTriangles(
+              CountClosingTriangles(num_nodes, edges, differences, stddevs)),
           compute_residuals,
           [&](const Eigen::MatrixXd& steps) { estimates += steps; },
           &solver)) {

@@ -38,6 +38,12 @@ std::function<double(double)> L1Weight(double floor);
 // constant there.
 std::function<double(double)> GemanMcClureWeight(double scale);
 
+// Trust of edges in the L1 phase by the number of triangles that they close, in
+// [0.1, 1]: an edge that closes none is either false or has too few neighbours
+// to be tested.
+Eigen::VectorXd TrustInTriangles(
+    const std::vector<double>& num_closing_triangles);
+
 // Minimises sum_e weight_e rho(|r_e| / stddev_e) over the nodes, first with
 // rho(x) = x, times l1_trust_e > 0, then with the Geman-McClure loss, which
 // needs a start free of most outliers. compute_residuals gives the
@@ -56,10 +62,11 @@ std::function<double(double)> GemanMcClureWeight(double scale);
 
 // Values (N x K) of all nodes of a connected graph from their differences
 // x_2 - x_1 across the edges (E x K), gauge: zero at fixed_node. Least squares
-// is the start of AverageReweighted. Returns false, values unchanged, if the
-// graph is not connected or the linear solver fails. Throws on differences
-// that are not finite, standard deviations that are not finite and positive,
-// and nodes out of range.
+// is the start of AverageReweighted, whose L1 phase trusts edges by the
+// triangles that they close. Returns false, values unchanged, if the graph is
+// not connected or the linear solver fails. Throws on differences that are not
+// finite, standard deviations that are not finite and positive, and nodes out
+// of range.
 [[nodiscard]] bool AverageDifferences(int num_nodes,
                                       const std::vector<GraphEdge>& edges,
                                       const Eigen::MatrixXd& differences,

@@ -74,19 +74,6 @@ std::vector<Eigen::Quaterniond> ChainAlongTree(
   return rotations;
 }
 
-// Weight of an edge in the L1 phase: an edge that closes no triangle is either
-// false or has too few neighbours to be tested.
-Eigen::VectorXd TrustOf(const std::vector<double>& num_closing_triangles) {
-  constexpr double kMaxNumTriangles = 3;
-  constexpr double kMinTrust = 0.1;
-  Eigen::VectorXd trust(num_closing_triangles.size());
-  for (Eigen::Index e = 0; e < trust.size(); ++e) {
-    trust(e) =
-        std::clamp(num_closing_triangles[e] / kMaxNumTriangles, kMinTrust, 1.0);
-  }
-  return trust;
-}
-
 // Residual of each edge: log(R_2^T R_21 R_1).
 Eigen::MatrixXd ComputeResiduals(
     const std::vector<RelativeRotation>& relatives,
@@ -158,7 +145,7 @@ bool AverageRotations(int num_nodes,
           edges,
           stddevs,
           weights,
-          TrustOf(num_closing_triangles),
+          TrustInTriangles(num_closing_triangles),
           [&]() { return ComputeResiduals(relatives, estimates); },
           apply_steps,
           &solver)) {

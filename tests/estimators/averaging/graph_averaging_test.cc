@@ -43,6 +43,61 @@ TEST(Weights, FarResidualsHaveNoInfluence) {
   EXPECT_GT(GemanMcClureWeight(2)(1e9), 0);
 }
 
+TEST(TrustInTriangles, GrowsWithTheirNumber) {
+  EXPECT_EQ(TrustInTriangles({0, 1.5, 3, 9}), Eigen::Vector4d(0.1, 0.5, 1, 1));
+}
+
+// Places along a wall that repeats every 12 m: pairs of look-alikes claim the
+// rest of their distance, and are as many as true pairs between the halves.
+// They contradict each other, which triangles show.
+TEST(AverageDifferences, LookAlikesThatCloseNoTrianglesDoNotFoldAWall) {
+  constexpr int kNumNodes = 20;
+  constexpr double kStep = 2;
+  constexpr double kPeriod = 12;
+  std::vector<GraphEdge> edges;
+  for (int i = 0; i < kNumNodes; ++i) {
+    for (int j = i + 1; j < std::min(i + 6, kNumNodes); ++j) {
+      edges.emplace_back(i, j);
+    }
+  }
+  const size_t num_true = edges.size();
+  edges.insert(edges.end(),
+               {{0, 14},
+                {0, 17},
+                {0, 19},
+                {1, 11},
+                {2, 14},
+                {2, 15},
+                {3, 11},
+                {4, 12},
+                {4, 14},
+                {5, 13},
+                {5, 15},
+                {6, 19},
+                {7, 16},
+                {7, 19},
+                {8, 16},
+                {9, 19},
+                {10, 18}});
+  Eigen::MatrixXd differences(edges.size(), 1);
+  Eigen::VectorXd stddevs(edges.size());
+  for (size_t e = 0; e < edges.size(); ++e) {
+    double distance = kStep * (edges[e].second - edges[e].first);
+    if (e >= num_true) {
+      distance -= kPeriod * std::round(distance / kPeriod);
+    }
+    differences(e, 0) = distance;
+    stddevs(e) = 0.1 * std::max(std::abs(distance), 6.0);
+  }
+  Eigen::MatrixXd values;
+  ASSERT_TRUE(AverageDifferences(
+      kNumNodes, edges, differences, stddevs, /*fixed_node=*/0, {}, &values));
+  for (int i = 0; i < kNumNodes; ++i) {
+    // Exact but for outliers of 20 standard deviations, of weight 1e-9.
+    EXPECT_NEAR(values(i, 0), kStep * i, 1e-6);
+  }
+}
+
 TEST(AverageDifferences, IgnoresOutliers) {
   constexpr int kNumNodes = 12;
   const std::vector<GraphEdge> edges = RingEdges(kNumNodes);
