@@ -215,6 +215,28 @@ void VisitTriangles(int num_nodes,
   }
 }
 
+std::vector<double> CountTriangles(
+    int num_nodes,
+    const std::vector<GraphEdge>& edges,
+    const std::function<bool(const GraphLoop&)>& is_counted) {
+  std::vector<double> counts(edges.size(), 0);
+  VisitTriangles(num_nodes, edges, [&](int edge1, int edge2, int edge3) {
+    int node = edges[edge1].second;
+    if (edges[edge2].first != node && edges[edge2].second != node) {
+      std::swap(edge2, edge3);
+    }
+    GraphLoop loop = {{{edge1, true}, {edge2}, {edge3}}};
+    for (size_t i = 1; i < loop.size(); ++i) {
+      const auto& [node1, node2] = edges[loop[i].edge];
+      loop[i].is_forward = node1 == node;
+      node = node1 == node ? node2 : node1;
+    }
+    if (!is_counted(loop)) return;
+    for (const GraphStep& step : loop) ++counts[step.edge];
+  });
+  return counts;
+}
+
 std::vector<double> TripletSupport(int num_nodes,
                                    const std::vector<GraphEdge>& edges,
                                    const std::vector<double>& counts) {

@@ -4,6 +4,7 @@
 
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <functional>
 #include <utility>
@@ -46,6 +47,21 @@ SpanningTree MaximumSpanningTree(int num_nodes,
 void VisitTriangles(int num_nodes,
                     const std::vector<GraphEdge>& edges,
                     const std::function<void(int, int, int)>& visit);
+
+// Edges of a closed path, and whether it runs from their first node to their
+// second.
+struct GraphStep {
+  int edge = 0;
+  bool is_forward = true;
+};
+using GraphLoop = std::array<GraphStep, 3>;
+
+// Number of the triangles with each edge for which `is_counted` holds; the path
+// starts along the triangle's first edge.
+std::vector<double> CountTriangles(
+    int num_nodes,
+    const std::vector<GraphEdge>& edges,
+    const std::function<bool(const GraphLoop&)>& is_counted);
 
 // Triplet support of each edge (Manam 2024; DGSfM Eq. 2 and 3): the mean over
 // the triangles with this edge of n_edge / max n of the triangle's edges; -1

@@ -33,31 +33,17 @@ struct Phase {
   double convergence_threshold = 0;
 };
 
-// Triangles of each edge whose three differences add up to zero within three
-// standard deviations.
-std::vector<double> CountClosingTriangles(int num_nodes,
-                                          const std::vector<GraphEdge>& edges,
-                                          const Eigen::MatrixXd& differences,
-                                          const Eigen::VectorXd& stddevs) {
-  std::vector<double> counts(edges.size(), 0);
-  VisitTriangles(num_nodes, edges, [&](int edge1, int edge2, int edge3) {
-    // Along edge1, then along whichever edge leads on, then back.
-    int node = edges[edge1].second;
-    if (edges[edge2].first != node && edges[edge2].second != node) {
-      std::swap(edge2, edge3);
-    }
-    Eigen::RowVectorXd loop = differences.row(edge1);
-    double variance = stddevs(edge1) * stddevs(edge1);
-    for (const int e : {edge2, edge3}) {
-      const bool forward = edges[e].first == node;
-      loop += (forward ? 1 : -1) * differences.row(e);
-      node = forward ? edges[e].second : edges[e].first;
-      variance += stddevs(e) * stddevs(e);
-    }
-    if (loop.squaredNorm() > 9 * variance) return;
-    for (const int e : {edge1, edge2, edge3}) ++counts[e];
-  });
-  return counts;
+// Whether three differences add up to zero within three standard deviations.
+bool IsClosed(const Eigen::MatrixXd& differences,
+              const Eigen::VectorXd& stddevs,
+              const GraphLoop& loop) {
+  Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(differences.cols());
+  double variance = 0;
+  for (const auto& [e, is_forward] : loop) {
+    sum += (is_forward ? 1 : -1) * differences.row(e);
+    variance += stddevs(e) * stddevs(e);
+  }
+  return sum.squaredNorm() <= 9 * variance;
 }
 
 // Mean over the edges of |x_2 - x_1| / stddev, whatever the gauge.
@@ -176,8 +162,12 @@ bool AverageDifferences(int num_nodes,
           edges,
           stddevs,
           Eigen::VectorXd::Ones(stddevs.size()),
-          TrustInTriangles(
-              CountClosingTriangles(num_nodes, edges, differences, stddevs)),
+          TrustInTriangles(CountTriangles(num_nodes,
+                                          edges,
+                                          [&](const GraphLoop& loop) {
+                                            return IsClosed(
+                                                differences, stddevs, loop);
+                                          })),
           compute_residuals,
           [&](const Eigen::MatrixXd& steps) { estimates += steps; },
           &solver)) {

@@ -225,8 +225,8 @@ bool GraphLaplacianSolver::SolveByFactorization(
 template <int kNumColumns>
 bool GraphLaplacianSolver::SolveByIterations(const Eigen::VectorXd& weights,
                                              NodeVectors<kNumColumns>* values) {
-  const Eigen::VectorXd diagonal =
-      LaplacianDiagonal(num_nodes_, edges_, weights);
+  Eigen::VectorXd diagonal;
+  if (!factor_) diagonal = LaplacianDiagonal(num_nodes_, edges_, weights);
   const auto precondition = [&](NodeVectors<kNumColumns>* vectors) {
     if (factor_) {
       factor_->Apply(vectors);

@@ -29,7 +29,7 @@ constexpr int kMaxNumIterations = 50;
 // these do.
 constexpr double kFunctionTolerance = 1e-11;
 
-// weight times rho of GemanMcClureWeight.
+// weight times s^2 r^2 / (s^2 + r^2), GemanMcClureWeight without its bound.
 class GemanMcClureLoss : public ceres::LossFunction {
  public:
   GemanMcClureLoss(double scale, double weight)

@@ -29,33 +29,18 @@ Eigen::Quaterniond NormalizedChecked(const Eigen::Quaterniond& rotation) {
   return rotation.normalized();
 }
 
-// Triangles of each edge whose three rotations lead back to the start within
-// three standard deviations.
-std::vector<double> CountClosingTriangles(
-    int num_nodes,
-    const std::vector<GraphEdge>& edges,
-    const std::vector<RelativeRotation>& relatives) {
-  std::vector<double> counts(edges.size(), 0);
-  VisitTriangles(num_nodes, edges, [&](int edge1, int edge2, int edge3) {
-    Eigen::Quaterniond loop = Eigen::Quaterniond::Identity();
-    double variance = 0;
-    int node = edges[edge1].first;
-    // From edge1's second node on, whichever edge leads there goes first.
-    const int next = edges[edge1].second;
-    if (edges[edge2].first != next && edges[edge2].second != next) {
-      std::swap(edge2, edge3);
-    }
-    for (const int e : {edge1, edge2, edge3}) {
-      const Eigen::Quaterniond& rotation = relatives[e].cam2_from_cam1;
-      const bool forward = edges[e].first == node;
-      loop = (forward ? rotation : rotation.conjugate()) * loop;
-      node = forward ? edges[e].second : edges[e].first;
-      variance += relatives[e].stddev_rad * relatives[e].stddev_rad;
-    }
-    if (LogRotation(loop).squaredNorm() > 9 * variance) return;
-    for (const int e : {edge1, edge2, edge3}) ++counts[e];
-  });
-  return counts;
+// Whether three rotations lead back to the start within three standard
+// deviations.
+bool IsClosed(const std::vector<RelativeRotation>& relatives,
+              const GraphLoop& loop) {
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+  double variance = 0;
+  for (const auto& [e, is_forward] : loop) {
+    const Eigen::Quaterniond& relative = relatives[e].cam2_from_cam1;
+    rotation = (is_forward ? relative : relative.conjugate()) * rotation;
+    variance += relatives[e].stddev_rad * relatives[e].stddev_rad;
+  }
+  return LogRotation(rotation).squaredNorm() <= 9 * variance;
 }
 
 std::vector<Eigen::Quaterniond> ChainAlongTree(
@@ -112,7 +97,9 @@ bool AverageRotations(int num_nodes,
   }
   CheckStddevs(stddevs);
   const std::vector<double> num_closing_triangles =
-      CountClosingTriangles(num_nodes, edges, relatives);
+      CountTriangles(num_nodes, edges, [&](const GraphLoop& loop) {
+        return IsClosed(relatives, loop);
+      });
   std::vector<double> tree_weights = num_closing_triangles;
   for (size_t e = 0; e < tree_weights.size(); ++e) {
     tree_weights[e] = weights(e) * (1 + tree_weights[e]);

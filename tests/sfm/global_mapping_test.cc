@@ -451,20 +451,24 @@ TEST(GlobalMapping, ImagesThatSwayAreToldFromThoseThatOnlyTurn) {
             std::string::npos);
 }
 
+SyntheticSceneOptions LittleParallax(uint32_t seed) {
+  SyntheticSceneOptions options;
+  options.family = SceneFamily::LOW_PARALLAX;
+  options.random_seed = seed;
+  options.num_images = 16;
+  options.num_points_per_image = 500;
+  options.image_noise_px = 0.5;
+  options.outlier_match_ratio = 0.2;
+  options.known_focal_length = false;
+  options.camera.num_cameras = 0;
+  return options;
+}
+
 TEST(GlobalMapping, LittleParallaxNeedsNoDepth) {
   // Averaged rotations of the second scene are off by more than the parallax:
   // rays enclose 3 degrees.
   for (const uint32_t seed : {0, 14}) {
-    SyntheticSceneOptions options;
-    options.family = SceneFamily::LOW_PARALLAX;
-    options.random_seed = seed;
-    options.num_images = 16;
-    options.num_points_per_image = 500;
-    options.image_noise_px = 0.5;
-    options.outlier_match_ratio = 0.2;
-    options.known_focal_length = false;
-    options.camera.num_cameras = 0;
-    const SyntheticScene synthetic = SynthesizeScene(options);
+    const SyntheticScene synthetic = SynthesizeScene(LittleParallax(seed));
     const Outcome outcome = MapSynthetic(synthetic, {}, /*use_depth=*/false);
     ASSERT_EQ(outcome.result.models.size(), 1);
     EXPECT_EQ(outcome.metrics.num_registered, 16);
@@ -476,15 +480,9 @@ TEST(GlobalMapping, LittleParallaxNeedsNoDepth) {
 
 // The start from one centre costs 2 % less here by chance.
 TEST(GlobalMapping, LittleParallaxKeepsAGoodStartFromDepth) {
-  SyntheticSceneOptions options;
-  options.family = SceneFamily::LOW_PARALLAX;
-  options.random_seed = 2;
+  SyntheticSceneOptions options = LittleParallax(2);
   options.num_images = 20;
-  options.num_points_per_image = 500;
   options.image_noise_px = 0.7;
-  options.outlier_match_ratio = 0.2;
-  options.known_focal_length = false;
-  options.camera.num_cameras = 0;
   options.depth_noise = DepthModelFromName("network");
   const SyntheticScene synthetic = SynthesizeScene(options);
   const Outcome outcome = MapSynthetic(synthetic);
