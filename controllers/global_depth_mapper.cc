@@ -15,7 +15,6 @@
 #include "controllers/mapper_report.h"
 #include "controllers/mapper_summary.h"
 #include "controllers/pair_score_file.h"
-#include "controllers/part_model_reader.h"
 #include "controllers/point_colors.h"
 #include "controllers/relative_depth_stage.h"
 #include "controllers/report/report_page.h"
@@ -116,9 +115,6 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                    {kProjectFile, kReportFile, kPageFile, kGeoreferenceFile});
   CommandOptions command_options("", "");
   BindOptions(&options_, &command_options);
-  if (!options_.part_paths.empty()) {
-    BindPartJoining(&options_, &command_options);
-  }
   command_options.WriteProject(folder.StagedFile(kProjectFile));
   std::vector<StageReport> stages;
   std::optional<ImageNames> names;
@@ -127,8 +123,6 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   }
   Scene scene = LoadScene(
       options_.verifier, options_.max_num_keypoints_per_image, names, &stages);
-  const std::vector<PartModel> parts =
-      ReadPartModels(options_.part_paths, scene);
   scene.match_source = std::make_shared<const StoredMatches>(
       options_.verifier.database_path, scene);
   scene.rigs = LoadRigs(options_, scene);
@@ -180,8 +174,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
                        &scene,
                        &depths,
                        &pairs,
-                       &checkpoints,
-                       parts);
+                       &checkpoints);
   scene.cameras = given_cameras;
   // All maps as they were imported: those that no stage converted are moved.
   given_depths.merge(result.dropped_depths);

@@ -248,29 +248,6 @@ void ApplyPaperPreset(PairVerificationOptions* options) {
 
 }  // namespace
 
-void BindPartJoining(GlobalDepthMapperOptions* options,
-                     CommandOptions* command_options) {
-  command_options->AddRequired(
-      "input_paths",
-      &options->part_paths,
-      "folders of models of parts, with all models in them, separated by "
-      "commas");
-  PartJoiningOptions& joining = options->mapper.part_joining;
-  OptionGroup("PartJoining", command_options)
-      .Add("min_num_shared_images",
-           &joining.min_num_shared_images,
-           "images that two models must share to be compared")
-      .Add("min_agreeing_share",
-           &joining.min_agreeing_share,
-           "share of these that must agree [1]")
-      .Add("max_rotation_error",
-           &joining.max_rotation_error_deg,
-           "difference of rotations that agree [deg]")
-      .Add("max_center_error",
-           &joining.max_center_error,
-           "difference of centres that agree [median depth of the image]");
-}
-
 void BindOptions(GlobalDepthMapperOptions* options,
                  CommandOptions* command_options) {
   BindVerificationOptions(&options->verifier, command_options);

@@ -31,9 +31,6 @@ struct GlobalDepthMapperOptions {
   // File with the names of the images to map, one a line; empty = all of the
   // database.
   std::string image_list_path;
-  // Models of parts of the images that are joined, in place of mapping them:
-  // folders, separated by commas.
-  std::string part_paths;
   // File of pair scores, see ReadPairScores; empty = none.
   std::string pair_scores_path;
   // Images of which more key points are matched use about this many, as dense
@@ -66,10 +63,6 @@ void BindOptions(GlobalDepthMapperOptions* options,
 // All options but those of threads and places, with their values: what shows
 // whether a component that an earlier run mapped still holds.
 std::string MappingText(GlobalDepthMapperOptions options);
-
-// Binds those of model_joiner besides.
-void BindPartJoining(GlobalDepthMapperOptions* options,
-                     CommandOptions* command_options);
 
 // Sets the thresholds of the paper's appendix and switches stages off that it
 // does not have.

@@ -16,20 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json StageEntries(const std::vector<StageReport>& stages) {
-  Json entries;
-  for (const StageReport& stage : stages) {
-    Json entry;
-    entry["stage"] = stage.stage;
-    for (const auto& [figure, value] : stage.figures) entry[figure] = value;
-    entry["seconds"] = stage.seconds;
-    entry["cpu_seconds"] = stage.cpu_seconds;
-    entry["peak_memory_mb"] = stage.peak_memory_mb;
-    entries.push_back(entry);
-  }
-  return entries;
-}
-
 // JSON has no infinity: null where nothing is known.
 Json Numbers(const std::vector<double>& values) {
   Json numbers = Json::array();
@@ -146,6 +132,20 @@ std::string PairLines(const Scene& scene, const PairGeometries& pairs) {
 }
 
 }  // namespace
+
+Json StageEntries(const std::vector<StageReport>& stages) {
+  Json entries;
+  for (const StageReport& stage : stages) {
+    Json entry;
+    entry["stage"] = stage.stage;
+    for (const auto& [figure, value] : stage.figures) entry[figure] = value;
+    entry["seconds"] = stage.seconds;
+    entry["cpu_seconds"] = stage.cpu_seconds;
+    entry["peak_memory_mb"] = stage.peak_memory_mb;
+    entries.push_back(entry);
+  }
+  return entries;
+}
 
 void WriteMapperReport(const std::string& path,
                        const Scene& scene,

@@ -9,12 +9,18 @@
 
 #include <optional>
 #include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
 
 namespace dgsfm {
 
 // Files of a run, beside the models.
 constexpr char kReportFile[] = "report.json";
 constexpr char kProjectFile[] = "project.ini";
+
+// The entries of stages, in their order.
+nlohmann::ordered_json StageEntries(const std::vector<StageReport>& stages);
 
 // Maps of unknown scale and shift: the fits by pairs, which the mapping used,
 // and by the points of the models.

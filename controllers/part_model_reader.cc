@@ -4,80 +4,69 @@
 
 #include <sstream>
 #include <stdexcept>
+#include <unordered_map>
 #include <utility>
 
 namespace dgsfm {
 
 namespace {
 
-// Key points of an image by their places, which models keep to the bit.
-using KeypointIndex = std::map<std::pair<double, double>, colmap::point2D_t>;
+// Indices of the points of a part by their ids.
+using PointIndices = std::unordered_map<colmap::point3D_t, uint32_t>;
 
-KeypointIndex IndexKeypoints(const colmap::Image& image) {
-  KeypointIndex index;
-  for (colmap::point2D_t i = 0; i < image.NumPoints2D(); ++i) {
-    const Eigen::Vector2d& xy = image.Point2D(i).XY();
-    index.emplace(std::make_pair(xy.x(), xy.y()), i);
+PointIndices ReadPoints(const std::string& folder, PartModel* part) {
+  PointIndices indices;
+  for (const ModelPoint& point : ReadModelPoints(folder)) {
+    indices.emplace(point.point3D_id, uint32_t(part->points.size()));
+    part->points.push_back(point.xyz);
+    part->colors.push_back(point.color);
   }
-  return index;
+  return indices;
 }
 
-PartModel::PartImage ReadImage(const ModelImage& model_image,
-                               const colmap::Image& image,
-                               const std::string& folder) {
-  PartModel::PartImage part_image;
-  part_image.cam_from_part = model_image.cam_from_world;
-  part_image.camera_id = model_image.camera_id;
-  const KeypointIndex index = IndexKeypoints(image);
-  size_t num_missing = 0;
-  for (const ModelObservation& observation : model_image.observations) {
-    const auto found = index.find({observation.xy.x(), observation.xy.y()});
-    if (found == index.end()) {
-      ++num_missing;
-    } else {
-      part_image.points.emplace(found->second, observation.point3D_id);
-    }
+PartModel::PartImage ReadImage(const ModelImageRecord& record,
+                               const PointIndices& indices,
+                               const PartModel& part) {
+  PartModel::PartImage image;
+  image.cam_from_part = record.image.cam_from_world;
+  image.camera_id = record.image.camera_id;
+  image.num_keypoints = record.image.observations.size();
+  bool is_whole = part.cameras.count(image.camera_id) > 0;
+  for (size_t i = 0; i < image.num_keypoints; ++i) {
+    const ModelObservation& observation = record.image.observations[i];
+    if (observation.point3D_id == colmap::kInvalidPoint3DId) continue;
+    const auto index = indices.find(observation.point3D_id);
+    is_whole &= index != indices.end();
+    if (!is_whole) break;
+    image.observations.push_back(
+        {colmap::point2D_t(i), index->second, observation.xy.cast<float>()});
   }
-  // Each part selects its own key points of dense matches.
-  if (2 * num_missing > model_image.observations.size()) {
-    throw std::runtime_error("model " + folder + ": image " + image.Name() +
-                             " has other key points than the database; map the "
-                             "part again");
+  if (!is_whole) {
+    throw std::runtime_error("model " + part.name +
+                             " lacks cameras or points that its images "
+                             "refer to; map the part again");
   }
-  return part_image;
+  image.observations.shrink_to_fit();
+  return image;
 }
 
 PartModel ReadPartModel(
     const std::string& folder,
-    const std::map<std::string, const colmap::Image*>& images) {
+    const std::unordered_map<std::string, colmap::image_t>& ids) {
   PartModel part;
   part.name = folder;
-  for (const auto& [name, model_image] : ReadModelImages(folder)) {
-    const auto image = images.find(name);
-    if (image == images.end()) {
-      throw std::runtime_error("model " + folder + " has the image " + name +
-                               ", which the database lacks");
-    }
-    part.images.emplace(image->second->ImageId(),
-                        ReadImage(model_image, *image->second, folder));
-  }
   for (const auto& [camera_id, camera] : ReadModelCameras(folder)) {
     part.cameras.emplace(camera_id, camera);
   }
-  for (const ModelPoint& point : ReadModelPoints(folder)) {
-    part.points.emplace(point.point3D_id, point.xyz);
-  }
-  for (const auto& [image_id, image] : part.images) {
-    bool is_whole = part.cameras.count(image.camera_id) > 0;
-    for (const auto& [point2D_idx, point_id] : image.points) {
-      is_whole &= part.points.count(point_id) > 0;
+  const PointIndices indices = ReadPoints(folder, &part);
+  VisitModelImages(folder, [&](const ModelImageRecord& record) {
+    const auto id = ids.find(record.name);
+    if (id == ids.end()) {
+      throw std::runtime_error("model " + folder + " has the image " +
+                               record.name + ", which the database lacks");
     }
-    if (!is_whole) {
-      throw std::runtime_error("model " + folder +
-                               " lacks cameras or points that its images "
-                               "refer to; map the part again");
-    }
-  }
+    part.images.emplace(id->second, ReadImage(record, indices, part));
+  });
   return part;
 }
 
@@ -85,9 +74,9 @@ PartModel ReadPartModel(
 
 std::vector<PartModel> ReadPartModels(const std::string& paths,
                                       const Scene& scene) {
-  std::map<std::string, const colmap::Image*> images;
+  std::unordered_map<std::string, colmap::image_t> ids;
   for (const auto& [image_id, image] : scene.images) {
-    images.emplace(image.Name(), &image);
+    ids.emplace(image.Name(), image_id);
   }
   std::vector<PartModel> parts;
   std::istringstream stream(paths);
@@ -95,12 +84,10 @@ std::vector<PartModel> ReadPartModels(const std::string& paths,
   while (std::getline(stream, path, ',')) {
     if (path.empty()) continue;
     for (const std::string& folder : FindModels(path)) {
-      parts.push_back(ReadPartModel(folder, images));
+      parts.push_back(ReadPartModel(folder, ids));
     }
   }
-  if (parts.empty() && !paths.empty()) {
-    throw std::runtime_error("input_paths names no models");
-  }
+  if (parts.empty()) throw std::runtime_error("input_paths names no models");
   return parts;
 }
 

@@ -168,31 +168,6 @@ void MapComponents(const MappingContext& context,
   }
 }
 
-// Joins models of parts and adjusts what came out of it.
-void JoinParts(const MappingContext& context,
-               const std::vector<PartModel>& parts,
-               PairGeometries* pairs,
-               DepthGlobalMapperResult* result,
-               MappingLog* log) {
-  StageTimer timer("part_joining");
-  const PartGroups grouped = GroupParts(context.options.part_joining, parts);
-  for (const std::string& contradiction : grouped.contradictions) {
-    log->Warn(contradiction);
-  }
-  timer.Add("parts", double(parts.size()))
-      .Add("models", double(grouped.groups.size()))
-      .Add("contradictions", double(grouped.contradictions.size()));
-  timer.Finish(&log->stages);
-  // The largest has the last word on pairs whose images are in several.
-  for (auto group = grouped.groups.rbegin(); group != grouped.groups.rend();
-       ++group) {
-    AddComponent(
-        FinishJoinedModel(
-            context, JoinGroup(context.scene, parts, *group), pairs, log),
-        result);
-  }
-}
-
 // One model of those that share the frame of the positions, and the largest
 // first.
 void ArrangeModels(const MappingContext& context,
@@ -311,8 +286,7 @@ DepthGlobalMapperResult RunGlobalMapping(
     Scene* scene,
     KeypointDepthMap* depths,
     PairGeometries* pairs,
-    ComponentStore* store,
-    const std::vector<PartModel>& parts) {
+    ComponentStore* store) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   DGSFM_CHECK(verification.IsValid(&error)) << error;
@@ -325,20 +299,13 @@ DepthGlobalMapperResult RunGlobalMapping(
       DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
   FilterPairs(options, pair_scores, pairs, &log);
   JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
-  // Models of parts have their focal lengths.
-  if (parts.empty()) {
-    result.focals =
-        AverageFocals(options, verification, *depths, scene, pairs, &log);
-    WarnOfPlanes(*scene, *pairs, &log);
-  }
+  result.focals =
+      AverageFocals(options, verification, *depths, scene, pairs, &log);
+  WarnOfPlanes(*scene, *pairs, &log);
   const FrameMembers frames = MembersOf(scene->rigs);
   const MappingContext context = {
       options, verification, *scene, *depths, frames, camera_beliefs};
-  if (parts.empty()) {
-    MapComponents(context, store, pairs, &result, &log);
-  } else {
-    JoinParts(context, parts, pairs, &result, &log);
-  }
+  MapComponents(context, store, pairs, &result, &log);
   ArrangeModels(context, &result, &log);
   MeasureUnits(context, &result, &log);
   ExplainMissingImages(*scene, *pairs, &result);

@@ -45,8 +45,6 @@ struct DepthGlobalMapperResult {
 // rest leave the scene, and unreliable maps leave `depths`. `verification` is
 // for pairs that are verified once more; its threads are those of all stages.
 // Components that the store has are not mapped again, all others kept in it.
-// With models of parts of the scene these are joined in place of mapping; parts
-// that contradict others stay models of their own, with a warning.
 // Throws std::invalid_argument if options are not valid.
 DepthGlobalMapperResult RunGlobalMapping(
     const DepthGlobalMapperOptions& options,
@@ -55,7 +53,6 @@ DepthGlobalMapperResult RunGlobalMapping(
     Scene* scene,
     KeypointDepthMap* depths,
     PairGeometries* pairs,
-    ComponentStore* store = nullptr,
-    const std::vector<PartModel>& parts = {});
+    ComponentStore* store = nullptr);
 
 }  // namespace dgsfm

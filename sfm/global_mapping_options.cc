@@ -11,7 +11,6 @@ bool DepthGlobalMapperOptions::IsValid(std::string* error) const {
       .Valid(tracks)
       .Valid(refinement)
       .Valid(georeferencing)
-      .Valid(part_joining)
       .AtLeast("min_model_size", min_model_size, 2)
       .AreKept();
 }

@@ -6,7 +6,6 @@
 #include "sfm/georeferencing/georeferencing_options.h"
 #include "sfm/intrinsics/camera_calibration.h"
 #include "sfm/mapping/model_refinement.h"
-#include "sfm/mapping/part_joining.h"
 #include "sfm/mapping/position_initialization.h"
 #include "sfm/mapping/track_establishment.h"
 #include "sfm/view_graph/component_averaging.h"
@@ -22,7 +21,6 @@ struct DepthGlobalMapperOptions {
   PositionInitializationOptions position_initialization;
   ModelRefinementOptions refinement;
   GeoreferencingOptions georeferencing;
-  PartJoiningOptions part_joining;
 
   // Components and models with fewer images are left out, unless the whole
   // scene has fewer.

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -314,26 +315,45 @@ std::string FindLargestModel(const std::string& path) {
   return folders[largest - num_images.begin()];
 }
 
-std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
-  std::map<std::string, ModelImage> images;
-  ReadFile(folder, "images", [&images](auto& file) {
+void VisitModelImages(
+    const std::string& folder,
+    const std::function<void(const ModelImageRecord&)>& visit) {
+  ReadFile(folder, "images", [&](auto& file) {
+    std::set<std::string> names;
     while (file.NextRecord(kMinImageSize)) {
-      colmap::image_t image_id = 0;
-      ModelImage image;
-      file.Read(&image_id);
+      ModelImageRecord record;
+      ModelImage& image = record.image;
+      file.Read(&record.image_id);
       image.cam_from_world = ReadPose(file);
       file.Read(&image.camera_id);
-      const std::string name = file.ReadName();
-      if (name.empty()) file.Fail("has an image without name");
-      if (images.count(name) > 0) file.Fail("has image " + name + " twice");
+      record.name = file.ReadName();
+      if (record.name.empty()) file.Fail("has an image without name");
+      if (!names.insert(record.name).second) {
+        file.Fail("has image " + record.name + " twice");
+      }
       file.BeginObservations();
       while (file.NextObservation()) {
-        const ModelObservation observation = ReadObservation(file);
-        if (observation.point3D_id == colmap::kInvalidPoint3DId) continue;
-        image.observations.push_back(observation);
+        image.observations.push_back(ReadObservation(file));
       }
-      images.emplace(name, std::move(image));
+      visit(record);
     }
+  });
+}
+
+std::map<std::string, ModelImage> ReadModelImages(const std::string& folder) {
+  std::map<std::string, ModelImage> images;
+  VisitModelImages(folder, [&](const ModelImageRecord& record) {
+    ModelImage& image = images[record.name];
+    image = record.image;
+    auto& observations = image.observations;
+    observations.erase(std::remove_if(observations.begin(),
+                                      observations.end(),
+                                      [](const ModelObservation& observation) {
+                                        return observation.point3D_id ==
+                                               colmap::kInvalidPoint3DId;
+                                      }),
+                       observations.end());
+    observations.shrink_to_fit();
   });
   return images;
 }

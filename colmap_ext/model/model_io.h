@@ -16,6 +16,7 @@
 #include <colmap/base/camera.h>
 #include <colmap/util/types.h>
 
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -36,6 +37,14 @@ struct ModelImage {
   std::vector<ModelObservation> observations;
 };
 
+// An image as its file has it.
+struct ModelImageRecord {
+  colmap::image_t image_id = colmap::kInvalidImageId;
+  std::string name;
+  // With all key points, those that see no point too.
+  ModelImage image;
+};
+
 struct ModelPoint {
   Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
   Eigen::Vector3ub color = Eigen::Vector3ub::Zero();
@@ -53,6 +62,11 @@ std::string FindLargestModel(const std::string& path);
 
 // Registered images by name. An empty model is no error.
 std::map<std::string, ModelImage> ReadModelImages(const std::string& folder);
+
+// Calls visit(record) for one image after another, in the order of the file.
+void VisitModelImages(
+    const std::string& folder,
+    const std::function<void(const ModelImageRecord&)>& visit);
 
 // Throws if a camera model is not one of COLMAP 3.8.
 std::map<colmap::camera_t, colmap::Camera> ReadModelCameras(

@@ -202,6 +202,7 @@ def map_parts(
     max_part_size: int,
     overlap: float,
     project_path: Optional[str] = None,
+    joiner_project_path: Optional[str] = None,
     num_threads: int = 1,
 ) -> None:
     """Maps parts of at most max_part_size images and joins their models.
@@ -209,15 +210,17 @@ def map_parts(
     The pairs have to be verified. Raises ClusterError if a part fails.
     """
     options = options_of(project_path)
+    joiner_options = options_of(joiner_project_path)
     wanted = {
         "max_part_size": max_part_size,
         "overlap": overlap,
         "key": options["key"],
         "verification": state.read("verification.json")["merged"],
     }
+    joined = {"output_path": str(output_path), "key": joiner_options["key"]}
     plan = state.read("mapping.json")
     folder = state.folder / "parts"
-    is_joined = plan.get("joined") == str(output_path)
+    is_joined = plan.get("joined") == joined
     if plan.get("wanted") == wanted and is_joined and output_path.is_dir():
         print(f"Models are in {output_path} already", file=sys.stderr)
         return
@@ -240,15 +243,12 @@ def map_parts(
     print("Joining the models of the parts", file=sys.stderr)
     call_here(
         runner.program,
-        ["model_joiner", *options["arguments"],
+        ["model_joiner", *joiner_options["arguments"],
          "--database_path", str(state.database_path), "--input_paths", models,
          "--output_path", str(output_path)],
         state.folder / "joiner.log",
     )  # fmt: skip
-    state.write("mapping.json", {"wanted": wanted, "joined": str(output_path)})
-    # The statuses of pairs are new in the database, what was verified is not.
-    plan = state.read("verification.json")
-    state.write("verification.json", {**plan, "stamp": state.stamp()})
+    state.write("mapping.json", {"wanted": wanted, "joined": joined})
     print(f"Models are in {output_path}", file=sys.stderr)
 
 
@@ -322,6 +322,9 @@ def parse(argv: Optional[Sequence[str]]) -> argparse.Namespace:
         "--mapper_project_path", help="project file with options of mapping"
     )
     parser.add_argument(
+        "--joiner_project_path", help="project file with options of model_joiner"
+    )
+    parser.add_argument(
         "--num_threads", type=int, default=1,
         help="threads of a process; each thread of a Dask worker runs one",
     )  # fmt: skip
@@ -366,6 +369,7 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
                     arguments.max_part_size,
                     arguments.overlap,
                     arguments.mapper_project_path,
+                    arguments.joiner_project_path,
                     arguments.num_threads,
                 )
     except (ClusterError, OSError, sqlite3.Error) as error:

@@ -17,9 +17,6 @@ namespace dgsfm {
 
 namespace {
 
-// Networks for metric depth are off by a factor that their maps have in common:
-// the scale by depth is not better known than this [log].
-constexpr double kMinDepthScaleStddev = 0.03;
 // Maps that count for it; more have errors in common.
 constexpr double kMaxNumDepthMaps = 20;
 // Positioning with priors is repeated while their errors shrink by this factor,
@@ -28,9 +25,6 @@ constexpr double kMinShrinkage = 0.8;
 constexpr int kMaxNumRounds = 3;
 // Guessed standard deviations may turn out to be this much too large.
 constexpr double kMinStddevFactor = 0.05;
-// Median error over the extent of the positions at which these contradict the
-// shape of a model.
-constexpr double kMaxErrorShare = 0.3;
 // Factor between the scales by positions and by rigs at which these contradict
 // each other, beyond three standard deviations: models that bend are off by
 // less.
@@ -58,59 +52,6 @@ std::optional<DepthScaleOfModel> MeasureDepthScale(
           kMinDepthScaleStddev,
           unit.log_spread / std::sqrt(std::min(kMaxNumDepthMaps,
                                                double(log_scales.size()))))};
-}
-
-// Median horizontal distance of the positions from their median [m].
-double ExtentOf(const PosePriors& priors, const colmap::Reconstruction& model) {
-  std::vector<double> xs, ys, distances;
-  for (const auto& [image_id, prior] : priors) {
-    if (!prior.HasPosition() || !model.ExistsImage(image_id) ||
-        !model.IsImageRegistered(image_id)) {
-      continue;
-    }
-    xs.push_back(prior.position.x());
-    ys.push_back(prior.position.y());
-  }
-  const double x = Median(xs), y = Median(ys);
-  for (size_t i = 0; i < xs.size(); ++i) {
-    distances.push_back(std::hypot(xs[i] - x, ys[i] - y));
-  }
-  return Median(distances);
-}
-
-// Median distance of the centres from the positions in the frame of these [m].
-double MedianErrorOf(const PositionAlignment& alignment,
-                     const PosePriors& priors,
-                     const colmap::Reconstruction& model) {
-  std::vector<double> errors;
-  for (const auto& [image_id, center] : CentersOf(model)) {
-    const auto prior = priors.find(image_id);
-    if (prior == priors.end() || !prior->second.HasPosition()) continue;
-    errors.push_back(
-        (alignment.target_from_source * center - prior->second.position)
-            .norm());
-  }
-  return Median(errors);
-}
-
-// Why positions cannot be used for a model; empty if they can.
-std::string WhyUnusable(const GeoreferencingOptions& options,
-                        const PosePriors& priors,
-                        const std::optional<PositionAlignment>& alignment,
-                        const colmap::Reconstruction& model) {
-  if (!alignment) {
-    return "fewer than three images have one, or all have the same";
-  }
-  if (!(alignment->log_scale_stddev <= options.max_log_scale_stddev)) {
-    return "they differ by hardly more than their errors, which leaves the "
-           "scale open";
-  }
-  if (MedianErrorOf(*alignment, priors, model) >
-      kMaxErrorShare * ExtentOf(priors, model)) {
-    return "they contradict the shape of the model. Check that they belong to "
-           "the images, and that latitude and longitude are not swapped";
-  }
-  return "";
 }
 
 // The scale of the positions where rigs fix it: their unit is metres, too.
@@ -152,32 +93,6 @@ double StddevFactor(const PosePriors& priors, double spread) {
   return std::max(2 * num_known > priors.size() ? 1 : kMinStddevFactor, spread);
 }
 
-void MeasureErrors(const PosePriors& priors,
-                   const colmap::Reconstruction& model,
-                   ModelGeoreference* result) {
-  for (const auto& [image_id, center] : CentersOf(model)) {
-    const auto prior = priors.find(image_id);
-    if (prior == priors.end() || !prior->second.HasPosition()) continue;
-    result->errors[image_id] = center - prior->second.position;
-  }
-  result->MeasureErrors();
-}
-
-void DescribeAlignment(const PositionAlignment& alignment,
-                       ModelGeoreference* result) {
-  result->num_positions = alignment.errors.size();
-  result->num_inliers = alignment.num_inliers;
-  result->spread = alignment.spread;
-  result->log_scale_stddev_of_positions = alignment.log_scale_stddev;
-  result->rotation_stddev_deg = alignment.rotation_stddev_rad * 180 / M_PI;
-}
-
-bool HasPositions(const PosePriors& priors) {
-  return std::any_of(priors.begin(), priors.end(), [](const auto& prior) {
-    return prior.second.HasPosition();
-  });
-}
-
 // Turns the vertical to the z axis.
 void StandUpright(const MappingContext& context,
                   colmap::Reconstruction* model) {
@@ -197,13 +112,6 @@ void StandUpright(const MappingContext& context,
             << " (median deviation " << up->spread_rad * 180 / M_PI << " deg)";
 }
 
-void WarnOfUnusable(const std::string& reason,
-                    const colmap::Reconstruction& model,
-                    MappingLog* log) {
-  log->Warn("The positions of the images are not used for a model of " +
-            std::to_string(model.NumRegImages()) + " images: " + reason);
-}
-
 // Puts a model in metres by depth or by rigs at the positions of its images.
 void PlaceByPositions(const MappingContext& context,
                       ModelInProgress* progress,
@@ -219,12 +127,12 @@ void PlaceByPositions(const MappingContext& context,
   const bool contradicts_rigs = !reason.empty();
   if (!contradicts_rigs) reason = WhyUnusable(options, priors, free, *model);
   if (!free || contradicts_rigs || !(depth || is_by_rigs)) {
-    if (!reason.empty()) WarnOfUnusable(reason, *model, log);
+    if (!reason.empty()) log->Warn(UnusablePositionsText(reason, *model));
     return;
   }
   const auto placed = AlignToPositions(options, priors, 1.0, *model);
   if (!placed) return;
-  DescribeAlignment(*placed, result);
+  result->SetAlignment(*placed);
   result->log_scale_stddev_of_positions = free->log_scale_stddev;
   if (depth) {
     result->scale_of_depth =
@@ -313,7 +221,7 @@ ModelGeoreference FinishFrame(const MappingContext& context,
         AlignToPositions(options, priors, ScaleByRigs(*progress), model);
     if (alignment) {
       TransformModel(alignment->target_from_source, &model);
-      DescribeAlignment(*alignment, &result);
+      result.SetAlignment(*alignment);
     }
     result.scale_source =
         is_by_rigs ? ScaleSource::RIGS : ScaleSource::POSITIONS;
@@ -327,7 +235,7 @@ ModelGeoreference FinishFrame(const MappingContext& context,
       result.log_scale_stddev_of_depth = depth->log_stddev;
     }
     result.is_georeferenced = options.georeference;
-    MeasureErrors(priors, model, &result);
+    result.SetErrors(priors, model);
     if (!options.georeference) {
       TransformModel(progress->positions_from_start->Inverse(), &model);
       if (!is_by_rigs) *metric = NormalizeToDepth(context.depths, &model);
@@ -337,7 +245,7 @@ ModelGeoreference FinishFrame(const MappingContext& context,
     if (options.use_positions && HasPositions(priors) &&
         model.NumRegImages() > 0) {
       PlaceByPositions(context, progress, &result, log);
-      if (result.is_georeferenced) MeasureErrors(priors, model, &result);
+      if (result.is_georeferenced) result.SetErrors(priors, model);
     }
   }
   if (!result.is_georeferenced && options.upright) {

@@ -2,10 +2,12 @@
 
 #include "colmap_ext/pose_access.h"
 #include "estimators/median.h"
+#include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_access.h"
 
 #include <colmap/base/similarity_transform.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -19,6 +21,10 @@ namespace {
 constexpr double kGravityStddevDeg = 2;
 constexpr double kLevelStddevDeg = 5;
 
+// Median error over the extent of the positions at which these contradict the
+// shape of a model.
+constexpr double kMaxErrorShare = 0.3;
+
 // Positions of the registered images, in the order of their ids.
 std::vector<colmap::image_t> ImagesWithPosition(
     const PosePriors& priors, const colmap::Reconstruction& model) {
@@ -30,6 +36,39 @@ std::vector<colmap::image_t> ImagesWithPosition(
     }
   }
   return image_ids;
+}
+
+// Median horizontal distance of the positions from their median [m].
+double ExtentOf(const PosePriors& priors, const colmap::Reconstruction& model) {
+  std::vector<double> xs, ys, distances;
+  for (const auto& [image_id, prior] : priors) {
+    if (!prior.HasPosition() || !model.ExistsImage(image_id) ||
+        !model.IsImageRegistered(image_id)) {
+      continue;
+    }
+    xs.push_back(prior.position.x());
+    ys.push_back(prior.position.y());
+  }
+  const double x = Median(xs), y = Median(ys);
+  for (size_t i = 0; i < xs.size(); ++i) {
+    distances.push_back(std::hypot(xs[i] - x, ys[i] - y));
+  }
+  return Median(distances);
+}
+
+// Median distance of the centres from the positions in the frame of these [m].
+double MedianErrorOf(const PositionAlignment& alignment,
+                     const PosePriors& priors,
+                     const colmap::Reconstruction& model) {
+  std::vector<double> errors;
+  for (const auto& [image_id, center] : CentersOf(model)) {
+    const auto prior = priors.find(image_id);
+    if (prior == priors.end() || !prior->second.HasPosition()) continue;
+    errors.push_back(
+        (alignment.target_from_source * center - prior->second.position)
+            .norm());
+  }
+  return Median(errors);
 }
 
 Eigen::Vector3d CenterOf(const colmap::Reconstruction& model,
@@ -56,6 +95,24 @@ void ModelGeoreference::MeasureErrors() {
   median_vertical_error_m = Median(std::move(vertical));
 }
 
+void ModelGeoreference::SetAlignment(const PositionAlignment& alignment) {
+  num_positions = alignment.errors.size();
+  num_inliers = alignment.num_inliers;
+  spread = alignment.spread;
+  log_scale_stddev_of_positions = alignment.log_scale_stddev;
+  rotation_stddev_deg = alignment.rotation_stddev_rad * 180 / M_PI;
+}
+
+void ModelGeoreference::SetErrors(const PosePriors& priors,
+                                  const colmap::Reconstruction& model) {
+  for (const auto& [image_id, center] : CentersOf(model)) {
+    const auto prior = priors.find(image_id);
+    if (prior == priors.end() || !prior->second.HasPosition()) continue;
+    errors[image_id] = center - prior->second.position;
+  }
+  MeasureErrors();
+}
+
 std::string ScaleSourceName(ScaleSource source) {
   switch (source) {
     case ScaleSource::NONE:
@@ -68,6 +125,37 @@ std::string ScaleSourceName(ScaleSource source) {
       return "rigs";
   }
   return "unknown";
+}
+
+bool HasPositions(const PosePriors& priors) {
+  return std::any_of(priors.begin(), priors.end(), [](const auto& prior) {
+    return prior.second.HasPosition();
+  });
+}
+
+std::string WhyUnusable(const GeoreferencingOptions& options,
+                        const PosePriors& priors,
+                        const std::optional<PositionAlignment>& alignment,
+                        const colmap::Reconstruction& model) {
+  if (!alignment) {
+    return "fewer than three images have one, or all have the same";
+  }
+  if (!(alignment->log_scale_stddev <= options.max_log_scale_stddev)) {
+    return "they differ by hardly more than their errors, which leaves the "
+           "scale open";
+  }
+  if (MedianErrorOf(*alignment, priors, model) >
+      kMaxErrorShare * ExtentOf(priors, model)) {
+    return "they contradict the shape of the model. Check that they belong to "
+           "the images, and that latitude and longitude are not swapped";
+  }
+  return "";
+}
+
+std::string UnusablePositionsText(const std::string& reason,
+                                  const colmap::Reconstruction& model) {
+  return "The positions of the images are not used for a model of " +
+         std::to_string(model.NumRegImages()) + " images: " + reason;
 }
 
 std::optional<UpDirection> UpOfModel(const GeoreferencingOptions& options,

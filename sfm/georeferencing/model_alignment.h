@@ -18,6 +18,10 @@
 
 namespace dgsfm {
 
+// Networks for metric depth are off by a factor that their maps have in common:
+// the scale by depth is not better known than this [log].
+constexpr double kMinDepthScaleStddev = 0.03;
+
 // What fixes the scale of a model that has positions.
 enum class ScaleSource { NONE, POSITIONS, DEPTH, RIGS };
 std::string ScaleSourceName(ScaleSource source);
@@ -49,9 +53,24 @@ struct ModelGeoreference {
   // Center of each image minus its position [m].
   std::map<colmap::image_t, Eigen::Vector3d> errors;
 
+  // Sets what an alignment with the positions shows.
+  void SetAlignment(const PositionAlignment& alignment);
+  // Sets `errors` and their medians by a model in the frame of the positions.
+  void SetErrors(const PosePriors& priors, const colmap::Reconstruction& model);
   // Sets the median errors by `errors`.
   void MeasureErrors();
 };
+
+bool HasPositions(const PosePriors& priors);
+
+// Why positions cannot be used for a model, by its alignment with them at a
+// free scale; empty if they can.
+std::string WhyUnusable(const GeoreferencingOptions& options,
+                        const PosePriors& priors,
+                        const std::optional<PositionAlignment>& free,
+                        const colmap::Reconstruction& model);
+std::string UnusablePositionsText(const std::string& reason,
+                                  const colmap::Reconstruction& model);
 
 // Vertical of the model by gravity or by how its cameras are held.
 std::optional<UpDirection> UpOfModel(const GeoreferencingOptions& options,

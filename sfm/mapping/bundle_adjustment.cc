@@ -272,12 +272,6 @@ class ModelBundle {
   Bundle bundle_;
 };
 
-struct ReprojectionErrors {
-  std::vector<double> all_px;
-  // Errors by which tails are judged.
-  std::vector<double> of_tails_px;
-};
-
 ReprojectionErrors CollectErrors(const colmap::Reconstruction& model) {
   ReprojectionErrors errors;
   for (const colmap::point3D_t point_id : SortedPoints(model)) {
@@ -286,10 +280,8 @@ ReprojectionErrors CollectErrors(const colmap::Reconstruction& model) {
       const Eigen::Vector3d in_cam =
           CamFromWorld(model.Image(element.image_id)) * point.XYZ();
       if (!(in_cam.z() > 0)) continue;
-      errors.all_px.push_back(ReprojectionError(model, element, in_cam));
-      if (point.Track().Length() >= kMinNumViewsOfTail) {
-        errors.of_tails_px.push_back(errors.all_px.back());
-      }
+      errors.Add(ReprojectionError(model, element, in_cam),
+                 point.Track().Length());
     }
   }
   return errors;
@@ -312,9 +304,18 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
       .AreKept();
 }
 
+void ReprojectionErrors::Add(double error_px, size_t num_views) {
+  all_px.push_back(error_px);
+  if (num_views >= kMinNumViewsOfTail) of_tails_px.push_back(error_px);
+}
+
 LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
                              const colmap::Reconstruction& model) {
-  const ReprojectionErrors errors = CollectErrors(model);
+  return AdaptedLossScales(options, CollectErrors(model));
+}
+
+LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
+                             const ReprojectionErrors& errors) {
   if (errors.all_px.empty()) return {options.loss_scale_px, std::nullopt};
   const double min_scale_px = kMinLossScaleRatio * options.loss_scale_px;
   LossScales scales;

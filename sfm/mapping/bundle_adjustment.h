@@ -64,12 +64,24 @@ struct LossScales {
   std::optional<double> cauchy_px;
 };
 
+// Reprojection errors of a model.
+struct ReprojectionErrors {
+  std::vector<double> all_px;
+  // Errors by which tails are judged: those of points of three or more images.
+  std::vector<double> of_tails_px;
+
+  // `num_views` is the number of images that see the point.
+  void Add(double error_px, size_t num_views);
+};
+
 // The soft L1 loss has 1.5 times the median reprojection error, at least a
 // tenth of the scale of the options and at most that: errors of key points have
 // long tails. Where their 90th percentile is more than 3.1 times the median, a
 // Cauchy loss of the median takes its place; that is judged by the points of
 // three or more images, if these have most of the observations. The scale of
 // the options for a model without points.
+LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
+                             const ReprojectionErrors& errors);
 LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
                              const colmap::Reconstruction& model);
 

@@ -328,31 +328,4 @@ ComponentResult MapComponent(const MappingContext& context,
   return result;
 }
 
-ComponentResult FinishJoinedModel(const MappingContext& context,
-                                  colmap::Reconstruction model,
-                                  PairGeometries* pairs,
-                                  MappingLog* log) {
-  ComponentResult result;
-  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
-  ModelInProgress progress = CreateProgress(context, image_ids);
-  progress.model = std::move(model);
-  if (!context.options.skip_match_completion) {
-    ReleaseInliers(ImageIndex(image_ids), pairs);
-  }
-  if (context.options.TiesCameras()) {
-    TieCameraClasses(context.options.refinement.bundle_adjustment.intrinsics,
-                     &progress.beliefs,
-                     &progress.model);
-  }
-  const bool is_refined = AdjustModel(context, &progress, log);
-  CompleteComponent(context,
-                    is_refined,
-                    /*measure_repeatability=*/false,
-                    pairs,
-                    &progress,
-                    &result,
-                    log);
-  return result;
-}
-
 }  // namespace dgsfm

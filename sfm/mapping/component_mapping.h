@@ -38,11 +38,4 @@ ComponentResult MapComponent(const MappingContext& context,
                              PairGeometries* pairs,
                              MappingLog* log);
 
-// The same for a model that has poses and points already, of images of the
-// scene with all their key points: it is adjusted, and the rest is as above.
-ComponentResult FinishJoinedModel(const MappingContext& context,
-                                  colmap::Reconstruction model,
-                                  PairGeometries* pairs,
-                                  MappingLog* log);
-
 }  // namespace dgsfm

@@ -2,8 +2,10 @@
 
 #pragma once
 
+#include "colmap_ext/pose_prior.h"
 #include "estimators/averaging/graph_averaging.h"
-#include "sfm/mapping/part_model.h"
+#include "estimators/position_alignment.h"
+#include "sfm/joining/part_model.h"
 
 #include <string>
 #include <vector>
@@ -25,9 +27,15 @@ struct PartJoiningOptions {
   bool IsValid(std::string* error) const;
 };
 
+// Parts in one frame.
+struct PartGroup {
+  std::vector<int> parts;
+  std::vector<Similarity3d> group_from_part;
+};
+
 struct PartGroups {
-  // Each part is in one, the groups of most images first. Gauge: the frame of
-  // the part with most images.
+  // Each part is in one, the groups of most images first. Gauge: rotation and
+  // origin of the part with most images, and the median of the scales of all.
   std::vector<PartGroup> groups;
   // Why parts are not joined with others that they share images with, in
   // sentences that name both.
@@ -35,10 +43,13 @@ struct PartGroups {
 };
 
 // Similarities between models that share images, from shared points and
-// centres, averaged robustly over all. A model that contradicts its neighbours
-// by more of its shared images than any other is left out, as long as there is
-// one. Deterministic.
+// centres, and of models to the positions of their images, where these are
+// known, averaged robustly over all: positions hold long rows of models. A
+// model that contradicts its neighbours by more of its shared images than any
+// other is left out, as long as there is one. Key points are numbered as
+// UnifyKeypoints() does. Deterministic.
 PartGroups GroupParts(const PartJoiningOptions& options,
+                      const PosePriors& positions,
                       const std::vector<PartModel>& parts);
 
 }  // namespace dgsfm
