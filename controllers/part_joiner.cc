@@ -10,12 +10,14 @@
 #include "controllers/mapper_report.h"
 #include "controllers/output_folder.h"
 #include "controllers/part_model_reader.h"
+#include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "sfm/joining/position_placement.h"
 #include "sfm/mapping/rig_model.h"
 #include "sfm/mapping_context.h"
 
 #include <filesystem>
+#include <iomanip>
 #include <iostream>
 #include <optional>
 #include <sstream>
@@ -38,7 +40,8 @@ struct FinishedModel {
   size_t num_images = 0;
   size_t num_points = 0;
   size_t num_observations = 0;
-  std::optional<BlockAdjustmentSummary> adjustment;
+  // Of the points' mean reprojection errors [px].
+  std::optional<double> median_error_px;
   ModelGeoreference georeference;
 };
 
@@ -147,10 +150,10 @@ RigScene HoldFrames(const PartJoinerOptions& options,
   return rigs;
 }
 
-BlockAdjustmentSummary Adjust(const PartJoinerOptions& options,
-                              const RigConstraints& rigs,
-                              JoinedModel* model,
-                              MappingLog* log) {
+void Adjust(const PartJoinerOptions& options,
+            const RigConstraints& rigs,
+            JoinedModel* model,
+            MappingLog* log) {
   StageTimer timer("block_adjustment");
   const auto adjusted = AdjustBlocks(
       options.adjustment, options.num_threads, rigs, CenterPriors(), model);
@@ -167,11 +170,9 @@ BlockAdjustmentSummary Adjust(const PartJoinerOptions& options,
   }
   timer.Add("sweeps", adjusted->num_sweeps)
       .Add("observations_filtered", double(adjusted->num_filtered))
-      .Add("initial_robust_rms_px", adjusted->initial_robust_rms_px)
-      .Add("robust_rms_px", adjusted->final_robust_rms_px)
+      .Add("rms_px", adjusted->final_robust_rms_px)
       .Add("points", double(model->NumPoints()));
   timer.Finish(&log->stages);
-  return *adjusted;
 }
 
 FinishedModel FinishModel(const PartJoinerOptions& options,
@@ -194,7 +195,8 @@ FinishedModel FinishModel(const PartJoinerOptions& options,
   RigConstraints constraints;
   const RigScene rigs = HoldFrames(options, scene, &constraints, &model);
   if (group.parts.size() > 1 && options.adjustment.max_num_sweeps > 0) {
-    finished.adjustment = Adjust(options, constraints, &model, log);
+    Adjust(options, constraints, &model, log);
+    finished.median_error_px = Median(model.point_errors_px);
   }
   std::vector<std::string> warnings;
   finished.georeference = PlaceAtPositions(options.georeferencing,
@@ -216,11 +218,7 @@ Json ModelEntry(const Scene& scene, const FinishedModel& model) {
                 {"images", model.num_images},
                 {"points", model.num_points},
                 {"observations", model.num_observations}};
-  if (model.adjustment) {
-    entry["adjustment"] = {{"sweeps", model.adjustment->num_sweeps},
-                           {"converged", model.adjustment->converged},
-                           {"rms_px", model.adjustment->rms_px}};
-  }
+  if (model.median_error_px) entry["median_error_px"] = *model.median_error_px;
   if (model.georeference.num_positions > 0) {
     entry["positions"] = GeoreferenceEntry(scene, model.georeference);
   }
@@ -250,10 +248,9 @@ std::string Describe(const std::vector<FinishedModel>& models,
     text << "model " << i << ": " << model.num_images << " images of "
          << model.part_names.size() << " parts, " << model.num_points
          << " points";
-    if (model.adjustment) {
-      text.precision(2);
-      text << ", reprojection error " << model.adjustment->rms_px
-           << " px (RMS)";
+    if (model.median_error_px) {
+      text << std::setprecision(2) << ", median error "
+           << *model.median_error_px << " px";
     }
     text << "\n";
   }

@@ -118,10 +118,12 @@ void WriteParts(const ViewGraphPartition& partition,
 }  // namespace
 
 ViewGraphPartition PartitionViewGraph(const std::string& database_path,
-                                      const GraphPartitionOptions& options) {
+                                      const GraphPartitionOptions& options,
+                                      const std::string& rig_config_path) {
   CheckOptions(options);
   Scene scene = ReadScene(database_path, SceneContent::IMAGES);
-  scene.rigs = ReadRigs(database_path, scene);
+  scene.rigs = rig_config_path.empty() ? ReadRigs(database_path, scene)
+                                       : ReadRigConfig(rig_config_path, scene);
   const auto pairs =
       DepthDatabase(database_path, DepthDatabase::Mode::READ_ONLY)
           .ReadValidPairs();
@@ -171,7 +173,7 @@ ViewGraphPartition PartitionViewGraph(const std::string& database_path,
 }
 
 int RunViewGraphPartitioner(int argc, char** argv) {
-  std::string database_path, output_path;
+  std::string database_path, output_path, rig_config_path;
   GraphPartitionOptions options;
   CommandOptions command_options(
       "view_graph_partitioner",
@@ -188,11 +190,15 @@ int RunViewGraphPartitioner(int argc, char** argv) {
   command_options.Add("overlap",
                       &options.overlap,
                       "share of these that are of neighbouring parts, too [1]");
+  command_options.Add("rig_config_path",
+                      &rig_config_path,
+                      "rig_config.json of COLMAP's rig_configurator, in place "
+                      "of the rigs of the database");
   if (const auto exit_code = command_options.Parse(argc, argv)) {
     return *exit_code;
   }
   const ViewGraphPartition partition =
-      PartitionViewGraph(database_path, options);
+      PartitionViewGraph(database_path, options, rig_config_path);
   WriteParts(partition, options, output_path);
   std::cout << partition.parts.size() << " parts, "
             << partition.images_without_pairs.size()

@@ -18,9 +18,11 @@ struct ViewGraphPartition {
 };
 
 // Cuts the graph of the valid pairs of a database, weighted by their inliers.
-// Images of a frame of a rig stay together. Throws std::runtime_error if no
-// pair of the database is verified and valid.
+// Images of a frame of a rig stay together: the rigs of the database, or those
+// of a file of COLMAP's rig_configurator if its path is not empty. Throws
+// std::runtime_error if no pair of the database is verified and valid.
 ViewGraphPartition PartitionViewGraph(const std::string& database_path,
-                                      const GraphPartitionOptions& options);
+                                      const GraphPartitionOptions& options,
+                                      const std::string& rig_config_path = "");
 
 }  // namespace dgsfm

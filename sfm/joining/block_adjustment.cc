@@ -314,17 +314,6 @@ void SetPointErrors(const std::vector<double>& errors, JoinedModel* model) {
   }
 }
 
-double Rms(const std::vector<double>& errors) {
-  double sum = 0;
-  size_t count = 0;
-  for (const double error : errors) {
-    if (!std::isfinite(error)) continue;
-    sum += error * error;
-    ++count;
-  }
-  return count == 0 ? 0 : std::sqrt(sum / double(count));
-}
-
 }  // namespace
 
 bool BlockAdjustmentOptions::IsValid(std::string* error) const {
@@ -370,7 +359,6 @@ std::optional<BlockAdjustmentSummary> AdjustBlocks(
     summary.converged =
         summary.num_sweeps > 1 && 1 - ratio * ratio < options.min_cost_decrease;
   }
-  summary.rms_px = Rms(errors);
   SetPointErrors(errors, model);
   adjuster.WriteBack();
   return summary;

@@ -12,9 +12,9 @@ namespace dgsfm {
 
 struct BlockAdjustmentOptions {
   // Each sweep adjusts every block once.
-  int max_num_sweeps = 10;
+  int max_num_sweeps = 30;
   // Relative decrease of the cost by a sweep that ends them [1].
-  double min_cost_decrease = 1e-3;
+  double min_cost_decrease = 1e-4;
   // Observations that are farther off after the first sweep leave [px].
   double max_reprojection_error_px = 4;
   // Whether the loss is adapted to the errors of the joined model.
@@ -29,9 +29,7 @@ struct BlockAdjustmentSummary {
   int num_sweeps = 0;
   bool converged = false;
   size_t num_filtered = 0;
-  // Root of the mean squared reprojection error, and of the robust cost of an
-  // observation before and after [px].
-  double rms_px = 0;
+  // Root of twice the mean robust cost of an observation before and after [px].
   double initial_robust_rms_px = 0;
   double final_robust_rms_px = 0;
 };

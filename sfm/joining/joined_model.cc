@@ -87,12 +87,16 @@ class Tracks {
 // Points of all parts; those that share an observation are one.
 class PointJoiner {
  public:
-  // `is_shared` has the images of several parts.
+  // `is_shared` has the images of several parts; num_observations is that of
+  // all parts.
   PointJoiner(const std::vector<colmap::image_t>& image_ids,
-              const std::vector<bool>& is_shared)
+              const std::vector<bool>& is_shared,
+              size_t num_observations)
       : image_ids_(image_ids),
         is_shared_(is_shared),
-        shared_(image_ids.size()) {}
+        shared_(image_ids.size()) {
+    entries_.reserve(num_observations);
+  }
 
   void Add(const PartModel& part, const Similarity3d& group_from_part) {
     const Tracks tracks(part, image_ids_);
@@ -130,6 +134,7 @@ class PointJoiner {
                                             b.observation.image;
                                }),
                    entries_.end());
+    model->observations.reserve(entries_.size());
     model->begins.push_back(0);
     for (size_t first = 0; first < entries_.size();) {
       size_t last = first;
@@ -208,7 +213,7 @@ class PointJoiner {
   std::vector<std::vector<uint32_t>> shared_;
 };
 
-// Sums of the parameters of an entry over the parts that have it.
+// Sums of the parameters of tied entries over the parts that have them.
 struct MeanCamera {
   colmap::Camera camera;
   // Observations that the camera with most has, by which the model is chosen.
@@ -233,6 +238,8 @@ struct MeanCamera {
     num_observations += double(count);
   }
 
+  bool Exists() const { return num_observations > 0; }
+
   colmap::Camera Mean() const {
     colmap::Camera mean = camera;
     const Eigen::VectorXd params = sum / num_observations;
@@ -244,22 +251,15 @@ struct MeanCamera {
 // The cameras of a group, and which of them each image has.
 class CameraJoiner {
  public:
-  CameraJoiner(const Scene& scene, const std::vector<PartModel>& parts)
+  CameraJoiner(const Scene& scene,
+               const std::vector<PartModel>& parts,
+               const PartGroup& group)
       : scene_(scene), parts_(parts) {
     for (const auto& [camera_id, camera] : scene.cameras) {
       next_id_ = std::max(next_id_, camera_id + 1);
     }
-  }
-
-  void AddPart(int part) {
-    std::map<colmap::camera_t, size_t> counts;
-    for (const auto& [image_id, image] : parts_[part].images) {
-      if (image.camera_id != EntryOf(image_id)) continue;
-      counts[image.camera_id] += image.observations.size();
-    }
-    for (const auto& [camera_id, count] : counts) {
-      means_[camera_id].Add(parts_[part].cameras.at(camera_id), count);
-    }
+    for (const int part : group.parts) TieEntries(part);
+    for (const int part : group.parts) AddToMeans(part);
   }
 
   // The camera of an image that has the pose of a part.
@@ -267,7 +267,8 @@ class CameraJoiner {
     const colmap::camera_t entry_id = EntryOf(image_id);
     const colmap::camera_t camera_id =
         parts_[part].images.at(image_id).camera_id;
-    if (camera_id == entry_id && means_[entry_id].num_observations > 0) {
+    if (camera_id == entry_id && means_[RootOf(entry_id)].Exists()) {
+      used_entries_.insert(entry_id);
       return entry_id;
     }
     const auto [it, is_new] = own_.emplace(std::make_pair(part, camera_id), 0);
@@ -276,11 +277,9 @@ class CameraJoiner {
   }
 
   // Those that CameraOf() named.
-  void WriteTo(const std::set<colmap::camera_t>& camera_ids,
-               colmap::Reconstruction* model) const {
-    for (const auto& [camera_id, mean] : means_) {
-      if (camera_ids.count(camera_id) == 0) continue;
-      AddCamera(camera_id, mean.Mean(), model);
+  void WriteTo(colmap::Reconstruction* model) {
+    for (const colmap::camera_t camera_id : used_entries_) {
+      AddCamera(camera_id, means_.at(RootOf(camera_id)).Mean(), model);
     }
     for (const auto& [origin, camera_id] : own_) {
       AddCamera(
@@ -293,6 +292,41 @@ class CameraJoiner {
     return scene_.images.at(image_id).CameraId();
   }
 
+  colmap::camera_t RootOf(colmap::camera_t entry_id) {
+    colmap::camera_t& parent =
+        parents_.emplace(entry_id, entry_id).first->second;
+    return parent == entry_id ? entry_id : parent = RootOf(parent);
+  }
+
+  // Entries of the same parameters, which the part tied.
+  void TieEntries(int part) {
+    std::map<std::tuple<int, size_t, size_t, std::vector<double>>,
+             colmap::camera_t>
+        entries;
+    for (const auto& [image_id, image] : parts_[part].images) {
+      if (image.camera_id != EntryOf(image_id)) continue;
+      const colmap::Camera& camera = parts_[part].cameras.at(image.camera_id);
+      const auto [it, is_new] =
+          entries.emplace(std::make_tuple(int(camera.ModelId()),
+                                          camera.Width(),
+                                          camera.Height(),
+                                          camera.Params()),
+                          image.camera_id);
+      if (!is_new) parents_[RootOf(image.camera_id)] = RootOf(it->second);
+    }
+  }
+
+  void AddToMeans(int part) {
+    std::map<colmap::camera_t, size_t> counts;
+    for (const auto& [image_id, image] : parts_[part].images) {
+      if (image.camera_id != EntryOf(image_id)) continue;
+      counts[image.camera_id] += image.observations.size();
+    }
+    for (const auto& [camera_id, count] : counts) {
+      means_[RootOf(camera_id)].Add(parts_[part].cameras.at(camera_id), count);
+    }
+  }
+
   static void AddCamera(colmap::camera_t camera_id,
                         colmap::Camera camera,
                         colmap::Reconstruction* model) {
@@ -303,7 +337,11 @@ class CameraJoiner {
   const Scene& scene_;
   const std::vector<PartModel>& parts_;
   colmap::camera_t next_id_ = 0;
+  // Entries that some part tied have one root.
+  std::map<colmap::camera_t, colmap::camera_t> parents_;
+  // By roots.
   std::map<colmap::camera_t, MeanCamera> means_;
+  std::set<colmap::camera_t> used_entries_;
   // By part and camera of the part.
   std::map<std::pair<int, colmap::camera_t>, colmap::camera_t> own_;
 };
@@ -313,17 +351,13 @@ void AddPoses(const Scene& scene,
               const PartGroup& group,
               const std::map<colmap::image_t, Choice>& choices,
               JoinedModel* model) {
-  CameraJoiner cameras(scene, parts);
-  for (const int part : group.parts) cameras.AddPart(part);
+  CameraJoiner cameras(scene, parts, group);
   std::map<colmap::image_t, colmap::camera_t> camera_of_image;
-  std::set<colmap::camera_t> camera_ids;
   for (const auto& [image_id, choice] : choices) {
-    const colmap::camera_t camera_id =
+    camera_of_image[image_id] =
         cameras.CameraOf(image_id, group.parts[choice.part]);
-    camera_of_image[image_id] = camera_id;
-    camera_ids.insert(camera_id);
   }
-  cameras.WriteTo(camera_ids, &model->poses);
+  cameras.WriteTo(&model->poses);
   for (const auto& [image_id, choice] : choices) {
     const PartImage& part_image =
         parts[group.parts[choice.part]].images.at(image_id);
@@ -386,7 +420,13 @@ JoinedModel JoinGroup(const Scene& scene,
     is_shared.push_back(choice.num_parts > 1);
   }
   AddPoses(scene, *parts, group, choices, &model);
-  PointJoiner joiner(model.image_ids, is_shared);
+  size_t num_observations = 0;
+  for (const int part : group.parts) {
+    for (const auto& [image_id, image] : (*parts)[part].images) {
+      num_observations += image.observations.size();
+    }
+  }
+  PointJoiner joiner(model.image_ids, is_shared, num_observations);
   for (size_t i = 0; i < group.parts.size(); ++i) {
     PartModel& part = (*parts)[group.parts[i]];
     joiner.Add(part, group.group_from_part[i]);

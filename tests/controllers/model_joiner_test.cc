@@ -1,3 +1,5 @@
+#include "colmap_ext/model/model_writer.h"
+#include "colmap_ext/pose_access.h"
 #include "controllers/image_list.h"
 #include "controllers/model_evaluator.h"
 #include "controllers/part_model_reader.h"
@@ -7,12 +9,14 @@
 #include "tests/testing/expect_error.h"
 #include "tests/testing/test_dir.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <set>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 namespace dgsfm {
 namespace {
@@ -106,6 +110,49 @@ TEST_F(ModelJoiner, PartsGiveTheModelOfOneRun) {
   // Both are at the minimum of one adjustment, up to its tolerance.
   EXPECT_GT(joined.auc[0], single.auc[0] - 1);
   EXPECT_GT(joined.auc[1], single.auc[1] - 0.5);
+}
+
+// False pairs fold a part: half of its images are where others are.
+TEST_F(ModelJoiner, ReportsAPartThatContradictsTheOthers) {
+  const std::string parts = dir_ + "/parts";
+  ExpectSuccess(RunForTest(&RunViewGraphPartitioner,
+                           {"--database_path",
+                            path_,
+                            "--output_path",
+                            parts,
+                            "--max_part_size",
+                            "18",
+                            "--overlap",
+                            "0.4"}));
+  const std::string paths = MapParts(parts);
+  const std::string folded = parts + "/part_0001/0";
+  colmap::Reconstruction model;
+  model.Read(folded);
+  std::vector<colmap::image_t> image_ids = model.RegImageIds();
+  std::sort(image_ids.begin(), image_ids.end());
+  for (size_t i = 0; 2 * i < image_ids.size(); ++i) {
+    colmap::Image& first = model.Image(image_ids[i]);
+    colmap::Image& last = model.Image(image_ids[image_ids.size() - 1 - i]);
+    const Rigid3d pose = CamFromWorld(first);
+    SetCamFromWorld(CamFromWorld(last), &first);
+    SetCamFromWorld(pose, &last);
+  }
+  WriteModel(model, folded);
+  ExpectSuccess(Join(paths, dir_ + "/joined"));
+  EXPECT_TRUE(fs::exists(dir_ + "/joined/1/images.bin"));
+  std::ifstream file(dir_ + "/joined/report.json");
+  const nlohmann::json report = nlohmann::json::parse(file);
+  for (const auto& entry : report["models"]) {
+    // The folded part is a model of its own.
+    const bool has_it =
+        std::count(entry["parts"].begin(), entry["parts"].end(), folded) > 0;
+    EXPECT_TRUE(!has_it || entry["parts"].size() == 1);
+  }
+  ASSERT_FALSE(report["warnings"].empty());
+  for (const std::string warning : report["warnings"]) {
+    EXPECT_THAT(warning, HasSubstr(folded));
+    EXPECT_THAT(warning, HasSubstr("contradict each other"));
+  }
 }
 
 TEST_F(ModelJoiner, PartitionCoversAllImages) {

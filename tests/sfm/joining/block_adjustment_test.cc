@@ -109,7 +109,7 @@ TEST_F(BlockAdjustment, LeavesAnExactModel) {
   ASSERT_TRUE(summary);
   EXPECT_TRUE(summary->converged);
   // Key points have 32 bits.
-  EXPECT_LT(summary->rms_px, 1e-4);
+  EXPECT_LT(summary->final_robust_rms_px, 1e-4);
   EXPECT_LT(LargestSeam(), 1e-5);
   EXPECT_EQ(model_.point_errors_px.size(), model_.NumPoints());
 }
@@ -125,7 +125,7 @@ TEST_F(BlockAdjustment, SpreadsTheErrorOfASeam) {
   EXPECT_EQ(summary->num_filtered, 0);
   // The seam of 0.04 gave errors of 3 px. Sweeps flatten what is longer than a
   // block slowly: a tenth of the seam is left to neighbours.
-  EXPECT_LT(summary->rms_px, 0.1);
+  EXPECT_LT(summary->final_robust_rms_px, 0.1);
   EXPECT_LT(LargestSeam(), 6e-3);
 }
 
@@ -137,7 +137,7 @@ TEST_F(BlockAdjustment, RemovesWrongObservations) {
   EXPECT_EQ(summary->num_filtered, 1);
   EXPECT_EQ(model_.observations.size(), num_observations - 1);
   EXPECT_EQ(model_.begins.back(), model_.observations.size());
-  EXPECT_LT(summary->rms_px, 1e-3);
+  EXPECT_LT(summary->final_robust_rms_px, 1e-3);
 }
 
 // Two images of a frame keep their relative pose.

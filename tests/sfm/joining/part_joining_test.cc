@@ -130,6 +130,32 @@ TEST_F(PartJoining, JoinsAllPartsOfARing) {
               0.05 * scale);
 }
 
+// Images of their own entries that a part gives one focal length have one
+// camera, and through images in both parts that of the other part, too.
+TEST_F(PartJoining, EntriesThatPartsTiedShareTheirMean) {
+  for (int i = 0; i < kNumImages; ++i) {
+    colmap::Camera camera = scene_.cameras.at(1);
+    camera.SetCameraId(i + 1);
+    scene_.cameras[i + 1] = camera;
+    scene_.images.at(i + 1).SetCameraId(i + 1);
+  }
+  std::vector<PartModel> parts = {CreatePart(0, 20), CreatePart(10, 20)};
+  for (size_t i = 0; i < parts.size(); ++i) {
+    for (auto& [image_id, image] : parts[i].images) {
+      image.camera_id = image_id;
+      colmap::Camera& camera = parts[i].cameras[image_id];
+      camera.SetFocalLengthX(image_id == 3 ? 500 : 590 + 20 * double(i));
+    }
+  }
+  const PartGroups groups = GroupParts({}, {}, parts);
+  ASSERT_EQ(groups.groups.size(), 1);
+  const JoinedModel model = JoinGroup(scene_, groups.groups[0], &parts);
+  for (const auto& [camera_id, camera] : model.poses.Cameras()) {
+    // Image 3 has a camera of its own; parts have as many observations.
+    EXPECT_NEAR(camera.FocalLengthX(), camera_id == 3 ? 500 : 600, 1);
+  }
+}
+
 // Positions bring a row of parts to their frame, and hold it.
 TEST_F(PartJoining, UsesPositions) {
   std::vector<PartModel> parts;
