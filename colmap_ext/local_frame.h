@@ -35,7 +35,7 @@ class LocalFrame {
   std::string Wkt() const;
 
  private:
-  const GeodeticPosition origin_;
+  GeodeticPosition origin_;
   Eigen::Matrix3d local_from_ecef_;
   Eigen::Vector3d origin_in_ecef_;
 };

@@ -117,12 +117,69 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   BindOptions(&options_, &command_options);
   command_options.WriteProject(folder.StagedFile(kProjectFile));
   std::vector<StageReport> stages;
+  MapperInput input;
+  LoadInput(&input, &stages);
+  PairGeometries pairs = LoadOrVerifyPairs(
+      input.scene, input.depths, input.relative.conversions, &stages);
+  PredictMemory(input.scene, pairs, &stages);
+  ComponentCheckpoints checkpoints(options_.output_path,
+                                   MappingFingerprint(MappingText(options_),
+                                                      input.scores,
+                                                      input.scene,
+                                                      input.depths,
+                                                      pairs));
+  // The report shows cameras as the database has them.
+  const CameraMap given_cameras = input.scene.cameras;
+  DepthGlobalMapperResult result =
+      RunGlobalMapping(options_.mapper,
+                       options_.verifier.verification,
+                       input.scores,
+                       &input.scene,
+                       &input.depths,
+                       &pairs,
+                       &checkpoints);
+  input.scene.cameras = given_cameras;
+  // All maps as they were imported: those that no stage converted are moved.
+  KeypointDepthMap& given_depths = input.affine_depths;
+  given_depths.merge(result.dropped_depths);
+  given_depths.merge(input.depths);
+  for (const std::string& warning :
+       WarningsOfDepthKinds(input.scene, given_depths, result.models)) {
+    LOG(WARNING) << warning;
+    result.warnings.push_back(warning);
+  }
+  result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
+  WarnOfPositions(options_.mapper.georeferencing, input.pose_priors, &result);
+  StageModels(folder, &result);
+  StageReports(options_,
+               folder,
+               input.scene,
+               pairs,
+               input.pose_priors.frame,
+               {input.relative.fits,
+                FitRelativeDepthsToModels(given_depths, result.models)},
+               result);
+  if (options_.WritesHtmlReport()) {
+    StageReportPage(folder, result.models.size());
+  }
+  folder.Publish();
+  checkpoints.Remove();
+  // The table is of all pairs of the database.
+  if (options_.write_pair_statuses && options_.image_list_path.empty()) {
+    WritePairStatuses(pairs);
+  }
+  return Summarize(input.scene, result, options_.output_path);
+}
+
+void GlobalDepthMapper::LoadInput(MapperInput* input,
+                                  std::vector<StageReport>* stages) const {
+  Scene& scene = input->scene;
   std::optional<ImageNames> names;
   if (!options_.image_list_path.empty()) {
     names = ReadImageList(options_.image_list_path);
   }
-  Scene scene = LoadScene(
-      options_.verifier, options_.max_num_keypoints_per_image, names, &stages);
+  scene = LoadScene(
+      options_.verifier, options_.max_num_keypoints_per_image, names, stages);
   scene.match_source = std::make_shared<const StoredMatches>(
       options_.verifier.database_path, scene);
   scene.rigs = LoadRigs(options_, scene);
@@ -130,80 +187,36 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
     CheckImagesExist(options_.image_path, scene);
     if (options_.use_exif) ReadExif(options_.image_path, &scene);
   }
-  const LoadedPosePriors pose_priors =
+  input->pose_priors =
       LoadPosePriors(options_.pose_priors,
                      options_.verifier.database_path,
                      options_.use_exif ? options_.image_path : "",
                      scene);
-  scene.pose_priors = pose_priors.priors;
-  KeypointDepthMap depths = LoadDepths(options_.verifier, scene, &stages);
+  scene.pose_priors = input->pose_priors.priors;
+  input->depths = LoadDepths(options_.verifier, scene, stages);
   if (!options_.image_path.empty()) {
-    WarnOfTurnedImages(options_, scene, depths);
+    WarnOfTurnedImages(options_, scene, input->depths);
   }
-  KeypointDepthMap given_depths = AffineDepthsOf(depths);
-  const RelativeDepths relative =
-      ConvertRelativeDepths(options_.verifier, &scene, &depths, &stages);
+  input->affine_depths = AffineDepthsOf(input->depths);
+  input->relative =
+      ConvertRelativeDepths(options_.verifier, &scene, &input->depths, stages);
   if (options_.memory_limit_gb > 0) {
     CheckMemory(
         options_.memory_limit_gb, options_.mapper.tracks, SizeByMatches(scene));
   }
-  PairScores scores;
   if (!options_.pair_scores_path.empty()) {
-    scores = ReadPairScores(options_.pair_scores_path, scene);
+    input->scores = ReadPairScores(options_.pair_scores_path, scene);
   }
-  PairGeometries pairs =
-      LoadOrVerifyPairs(scene, depths, relative.conversions, &stages);
+}
 
-  {
-    StageTimer timer("memory_prediction");
-    timer
-        .Add("predicted_gb",
-             PredictMemoryGb(options_.mapper.tracks,
-                             SizeByInliers(scene, pairs)))
-        .Finish(&stages);
-  }
-  ComponentCheckpoints checkpoints(
-      options_.output_path,
-      MappingFingerprint(MappingText(options_), scores, scene, depths, pairs));
-  // The report shows cameras as the database has them.
-  const CameraMap given_cameras = scene.cameras;
-  DepthGlobalMapperResult result =
-      RunGlobalMapping(options_.mapper,
-                       options_.verifier.verification,
-                       scores,
-                       &scene,
-                       &depths,
-                       &pairs,
-                       &checkpoints);
-  scene.cameras = given_cameras;
-  // All maps as they were imported: those that no stage converted are moved.
-  given_depths.merge(result.dropped_depths);
-  given_depths.merge(depths);
-  for (const std::string& warning :
-       WarningsOfDepthKinds(scene, given_depths, result.models)) {
-    LOG(WARNING) << warning;
-    result.warnings.push_back(warning);
-  }
-  result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
-  WarnOfPositions(options_.mapper.georeferencing, pose_priors, &result);
-  StageModels(folder, &result);
-  StageReports(
-      options_,
-      folder,
-      scene,
-      pairs,
-      pose_priors.frame,
-      {relative.fits, FitRelativeDepthsToModels(given_depths, result.models)},
-      result);
-  if (options_.WritesHtmlReport()) {
-    StageReportPage(folder, result.models.size());
-  }
-  folder.Publish();
-  checkpoints.Remove();
-  // The table is of all pairs of the database.
-  if (options_.write_pair_statuses && !names) WritePairStatuses(pairs);
-
-  return Summarize(scene, result, options_.output_path);
+void GlobalDepthMapper::PredictMemory(const Scene& scene,
+                                      const PairGeometries& pairs,
+                                      std::vector<StageReport>* stages) const {
+  StageTimer timer("memory_prediction");
+  timer
+      .Add("predicted_gb",
+           PredictMemoryGb(options_.mapper.tracks, SizeByInliers(scene, pairs)))
+      .Finish(stages);
 }
 
 PairGeometries GlobalDepthMapper::LoadOrVerifyPairs(

@@ -4,6 +4,8 @@
 
 #include "controllers/global_depth_mapper_options.h"
 #include "controllers/output_folder.h"
+#include "controllers/pose_prior_loader.h"
+#include "controllers/relative_depth_stage.h"
 #include "sfm/global_mapping.h"
 
 #include <string>
@@ -34,6 +36,22 @@ class GlobalDepthMapper {
   GlobalDepthMapperSummary Run();
 
  private:
+  // What a run reads before it verifies pairs.
+  struct MapperInput {
+    Scene scene;
+    LoadedPosePriors pose_priors;
+    KeypointDepthMap depths;
+    // Maps of unknown scale and shift as they were imported.
+    KeypointDepthMap affine_depths;
+    RelativeDepths relative;
+    PairScores scores;
+  };
+
+  // The scene's matches are read through the scene, which stays where it is.
+  void LoadInput(MapperInput* input, std::vector<StageReport>* stages) const;
+  void PredictMemory(const Scene& scene,
+                     const PairGeometries& pairs,
+                     std::vector<StageReport>* stages) const;
   // Geometries of all pairs of the scene: stored ones that hold, all others
   // verified and stored, so that a run that is broken off goes on from there.
   // `conversions`: by what affine maps became `depths`.

@@ -152,38 +152,34 @@ void BindMapper(DepthGlobalMapperOptions* options,
   skip("rotation_alternatives", &options->averaging.skip_alternatives);
 }
 
-void BindPosePriors(GlobalDepthMapperOptions* options,
-                    CommandOptions* command_options) {
-  PosePriorOptions& priors = options->pose_priors;
-  command_options->Add("use_pose_priors",
-                       &priors.use_pose_priors,
-                       "whether positions and gravity of images count: those "
-                       "of pose_priors_path, else of the database, else of "
-                       "EXIF");
-  command_options->Add("pose_priors_path",
-                       &priors.path,
-                       "positions of images, lines 'name a b c "
-                       "[std_horizontal std_vertical]'; empty = none");
-  command_options->Add("pose_priors_coordinates",
-                       &priors.coordinates,
-                       "what a, b, c and the columns prior_t of COLMAP 3.8's "
-                       "databases are: wgs84 (latitude, longitude [deg], "
-                       "altitude [m]) or cartesian [m]");
-  command_options->Add("pose_priors_std_horizontal",
-                       &priors.stddev_horizontal_m,
-                       "standard deviation of positions without any [m]");
-  command_options->Add("pose_priors_std_vertical",
-                       &priors.stddev_vertical_m,
-                       "the same vertically [m]");
+void BindSize(GlobalDepthMapperOptions* options,
+              CommandOptions* command_options) {
+  command_options->Add("max_num_keypoints_per_image",
+                       &options->max_num_keypoints_per_image,
+                       "matched key points of an image that are used, with "
+                       "dense matches; 0 = all");
+  TrackOptions& tracks = options->mapper.tracks;
+  command_options->Add("max_num_tracks",
+                       &tracks.max_num_tracks,
+                       "tracks of a model, the most informative ones; 0 = all");
+  command_options->Add("max_num_observations_per_image",
+                       &tracks.max_num_observations_per_image,
+                       "points of a model that an image sees, the most "
+                       "informative ones, which bounds the memory; 0 = all");
+  command_options->Add("memory_limit_gb",
+                       &options->memory_limit_gb,
+                       "memory that the mapping may take: if it is predicted "
+                       "to need more, it ends with an error that names the "
+                       "remedy before the work begins [GB]; 0 = any");
+}
+
+void BindGeoreferencing(GlobalDepthMapperOptions* options,
+                        CommandOptions* command_options) {
   GeoreferencingOptions& georeferencing = options->mapper.georeferencing;
   command_options->Add("georeference",
                        &georeferencing.georeference,
                        "whether models get the frame and unit of the positions "
                        "(east, north, up [m]), else they keep their own");
-  command_options->Add("georeference_origin",
-                       &priors.origin,
-                       "latitude,longitude,altitude of the frame's origin "
-                       "[deg, deg, m]; empty = the median position");
   command_options->Add("join_models",
                        &georeferencing.join_models,
                        "whether models that no match connects become one in "
@@ -292,23 +288,7 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        &options->mapper.split_cameras,
                        "cameras of their own for images of one camera entry "
                        "whose focal lengths turn out to differ");
-  command_options->Add("max_num_keypoints_per_image",
-                       &options->max_num_keypoints_per_image,
-                       "matched key points of an image that are used, with "
-                       "dense matches; 0 = all");
-  TrackOptions& tracks = options->mapper.tracks;
-  command_options->Add("max_num_tracks",
-                       &tracks.max_num_tracks,
-                       "tracks of a model, those that tell most; 0 = all");
-  command_options->Add("max_num_observations_per_image",
-                       &tracks.max_num_observations_per_image,
-                       "points of a model that an image sees, those that tell "
-                       "most, which bounds the memory; 0 = all");
-  command_options->Add("memory_limit_gb",
-                       &options->memory_limit_gb,
-                       "memory that the mapping may take: if it is predicted "
-                       "to need more, it ends with an error that names the "
-                       "remedy before the work begins [GB]; 0 = any");
+  BindSize(options, command_options);
   command_options->Add("write_pair_statuses",
                        &options->write_pair_statuses,
                        "whether the database gets the pairs as they are "
@@ -320,7 +300,8 @@ void BindOptions(GlobalDepthMapperOptions* options,
                        "browser: 1, 0, or -1 = if image_path is given");
   command_options->Add(
       "paper", &options->paper, "method and thresholds of the paper");
-  BindPosePriors(options, command_options);
+  BindPosePriors(&options->pose_priors, command_options);
+  BindGeoreferencing(options, command_options);
   BindMapper(&options->mapper, command_options);
 }
 

@@ -40,7 +40,7 @@ struct FinishedModel {
   size_t num_images = 0;
   size_t num_points = 0;
   size_t num_observations = 0;
-  // Of the points' mean reprojection errors [px].
+  // Median of the mean reprojection errors of the points [px].
   std::optional<double> median_error_px;
   ModelGeoreference georeference;
 };
@@ -56,38 +56,15 @@ Scene LoadScene(const PartJoinerOptions& options) {
 
 void BindPositions(PartJoinerOptions* options,
                    CommandOptions* command_options) {
-  PosePriorOptions& priors = options->pose_priors;
   command_options->Add("image_path",
                        &options->image_path,
                        "folder of the images, for positions in EXIF data; "
                        "empty = none");
-  command_options->Add("use_pose_priors",
-                       &priors.use_pose_priors,
-                       "whether positions of images count: those of "
-                       "pose_priors_path, else of the database, else of EXIF");
-  command_options->Add("pose_priors_path",
-                       &priors.path,
-                       "positions of images, lines 'name a b c "
-                       "[std_horizontal std_vertical]'; empty = none");
-  command_options->Add("pose_priors_coordinates",
-                       &priors.coordinates,
-                       "what a, b, c and the columns prior_t of COLMAP 3.8's "
-                       "databases are: wgs84 (latitude, longitude [deg], "
-                       "altitude [m]) or cartesian [m]");
-  command_options->Add("pose_priors_std_horizontal",
-                       &priors.stddev_horizontal_m,
-                       "standard deviation of positions without any [m]");
-  command_options->Add("pose_priors_std_vertical",
-                       &priors.stddev_vertical_m,
-                       "the same vertically [m]");
+  BindPosePriors(&options->pose_priors, command_options);
   command_options->Add("georeference",
                        &options->georeferencing.georeference,
                        "whether models get the frame and unit of the positions "
                        "(east, north, up [m]), else they keep their own");
-  command_options->Add("georeference_origin",
-                       &priors.origin,
-                       "latitude,longitude,altitude of the frame's origin "
-                       "[deg, deg, m]; empty = the median position");
 }
 
 void BindAdjustment(BlockAdjustmentOptions* options,

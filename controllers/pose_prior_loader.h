@@ -5,6 +5,7 @@
 #include "colmap_ext/given_pose.h"
 #include "colmap_ext/local_frame.h"
 #include "colmap_ext/scene.h"
+#include "controllers/commands/command_options.h"
 
 #include <optional>
 #include <string>
@@ -29,6 +30,8 @@ struct PosePriorOptions {
 
   bool IsValid(std::string* error) const;
 };
+
+void BindPosePriors(PosePriorOptions* options, CommandOptions* command_options);
 
 struct LoadedPosePriors {
   PosePriors priors;

@@ -4,6 +4,33 @@
 #include <iostream>
 
 namespace dgsfm {
+
+namespace {
+
+void BindMultiView(MultiViewRefinementOptions* options,
+                   CommandOptions* command_options) {
+  OptionGroup("MultiViewDepth", command_options)
+      .Add("max_num_neighbors",
+           &options->neighbors.max_num_neighbors,
+           "images that refine the map of an image: those that share most "
+           "points")
+      .Add("min_angle_deg",
+           &options->neighbors.min_angle_deg,
+           "... and see them from directions that differ by this [deg]")
+      .Add("max_angle_deg",
+           &options->neighbors.max_angle_deg,
+           "... at most [deg]")
+      .Add("max_difference",
+           &options->depth.max_difference,
+           "largest relative difference of depths that agree")
+      .Add("min_confidence",
+           &options->depth.min_confidence,
+           "pixels of lower confidence, in [0, 1], become unknown; 0.5 is that "
+           "of pixels that no other image sees");
+}
+
+}  // namespace
+
 void BindOptions(DepthExportOptions* options, CommandOptions* command_options) {
   command_options->AddChoice<DepthExportFormat>(
       "format",
@@ -48,24 +75,7 @@ void BindOptions(DepthExportOptions* options, CommandOptions* command_options) {
                        &options->confidence_path,
                        "(multi_view) folder of confidence maps, PNG of 8 bits: "
                        "0 unknown, 128 seen by no other image, 255 agreed on");
-  OptionGroup("MultiViewDepth", command_options)
-      .Add("max_num_neighbors",
-           &options->refinement.neighbors.max_num_neighbors,
-           "images that refine the map of an image: those that share most "
-           "points")
-      .Add("min_angle_deg",
-           &options->refinement.neighbors.min_angle_deg,
-           "... and see them from directions that differ by this [deg]")
-      .Add("max_angle_deg",
-           &options->refinement.neighbors.max_angle_deg,
-           "... at most [deg]")
-      .Add("max_difference",
-           &options->refinement.depth.max_difference,
-           "largest relative difference of depths that agree")
-      .Add("min_confidence",
-           &options->refinement.depth.min_confidence,
-           "pixels of lower confidence, in [0, 1], become unknown; 0.5 is that "
-           "of pixels that no other image sees");
+  BindMultiView(&options->refinement, command_options);
   command_options->Add("plot_path",
                        &options->plot_path,
                        "folder of pictures of the alignment: depth of map "

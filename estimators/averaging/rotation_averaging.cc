@@ -72,6 +72,19 @@ Eigen::MatrixXd ComputeResiduals(
   return residuals;
 }
 
+std::vector<RelativeRotation> NormalizedChecked(
+    std::vector<RelativeRotation> relatives) {
+  for (size_t i = 0; i < relatives.size(); ++i) {
+    RelativeRotation& relative = relatives[i];
+    DGSFM_CHECK(relative.node1 != relative.node2)
+        << "self-loop at node " << relative.node1;
+    DGSFM_CHECK(std::isfinite(relative.weight) && relative.weight > 0)
+        << "weight of edge " << i << " = " << relative.weight;
+    relative.cam2_from_cam1 = NormalizedChecked(relative.cam2_from_cam1);
+  }
+  return relatives;
+}
+
 }  // namespace
 
 bool AverageRotations(int num_nodes,
@@ -81,18 +94,14 @@ bool AverageRotations(int num_nodes,
                       std::vector<Eigen::Quaterniond>* rotations) {
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
-  std::vector<RelativeRotation> relatives = relative_rotations;
+  const std::vector<RelativeRotation> relatives =
+      NormalizedChecked(relative_rotations);
   std::vector<GraphEdge> edges;
   Eigen::VectorXd stddevs(relatives.size());
   Eigen::VectorXd weights(relatives.size());
-  for (RelativeRotation& relative : relatives) {
-    DGSFM_CHECK(relative.node1 != relative.node2)
-        << "self-loop at node " << relative.node1;
-    relative.cam2_from_cam1 = NormalizedChecked(relative.cam2_from_cam1);
+  for (const RelativeRotation& relative : relatives) {
     edges.emplace_back(relative.node1, relative.node2);
     stddevs(edges.size() - 1) = relative.stddev_rad;
-    DGSFM_CHECK(std::isfinite(relative.weight) && relative.weight > 0)
-        << "weight of edge " << edges.size() - 1 << " = " << relative.weight;
     weights(edges.size() - 1) = relative.weight;
   }
   CheckStddevs(stddevs);

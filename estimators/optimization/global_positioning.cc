@@ -219,6 +219,61 @@ PointMinimizerSummary Minimize(
   return MinimizeWithPoints<3, 3>(minimizer, &problem);
 }
 
+// Each camera moves by itself where bodies are not given.
+std::vector<int> BodiesOfCameras(const PositioningBodies& bodies,
+                                 size_t num_cameras) {
+  std::vector<int> body_of_camera = bodies.body_of_camera;
+  if (body_of_camera.empty()) {
+    body_of_camera.resize(num_cameras);
+    std::iota(body_of_camera.begin(), body_of_camera.end(), 0);
+  }
+  DGSFM_CHECK(body_of_camera.size() == num_cameras);
+  return body_of_camera;
+}
+
+void SortByPoints(std::vector<PositioningObservation>* observations) {
+  const auto is_before = [](const auto& a, const auto& b) {
+    return std::tie(a.point, a.camera) < std::tie(b.point, b.camera);
+  };
+  if (!std::is_sorted(observations->begin(), observations->end(), is_before)) {
+    std::stable_sort(observations->begin(), observations->end(), is_before);
+  }
+}
+
+bool HasPriors(const PositioningPriors& priors) {
+  return std::any_of(priors.centers.begin(),
+                     priors.centers.end(),
+                     [](const auto& prior) { return prior.Exists(); });
+}
+
+// Factor by which distances of observations were larger at the start.
+double MedianShrinkage(const std::vector<double>& start_log_distances,
+                       std::vector<double> log_distances) {
+  for (size_t k = 0; k < log_distances.size(); ++k) {
+    log_distances[k] -= start_log_distances[k];
+  }
+  return std::exp(-Median(std::move(log_distances)));
+}
+
+// Moves points with observations, and cameras whose body has any.
+void MoveObserved(const std::vector<PositioningObservation>& observations,
+                  const std::vector<int>& body_of_camera,
+                  const std::vector<Eigen::Vector3d>& new_centers,
+                  const std::vector<Eigen::Vector3d>& new_points,
+                  std::vector<Eigen::Vector3d>* centers,
+                  std::vector<Eigen::Vector3d>* points) {
+  std::vector<char> has_moved(centers->size(), false);
+  for (const PositioningObservation& observation : observations) {
+    has_moved[body_of_camera[observation.camera]] = true;
+    (*points)[observation.point] = new_points[observation.point];
+  }
+  for (size_t camera = 0; camera < centers->size(); ++camera) {
+    if (has_moved[body_of_camera[camera]]) {
+      (*centers)[camera] = new_centers[camera];
+    }
+  }
+}
+
 }  // namespace
 
 bool GlobalPositioningOptions::IsValid(std::string* error) const {
@@ -241,12 +296,8 @@ GlobalPositioningSummary SolveGlobalPositioning(
   std::string error;
   DGSFM_CHECK(options.IsValid(&error)) << error;
   CheckInput(observations, fixed_camera, centers->size(), points->size());
-  std::vector<int> body_of_camera = bodies.body_of_camera;
-  if (body_of_camera.empty()) {
-    body_of_camera.resize(centers->size());
-    std::iota(body_of_camera.begin(), body_of_camera.end(), 0);
-  }
-  DGSFM_CHECK(body_of_camera.size() == centers->size());
+  const std::vector<int> body_of_camera =
+      BodiesOfCameras(bodies, centers->size());
   GlobalPositioningSummary summary;
   if (observations.empty()) {
     summary.message = "no observations";
@@ -256,13 +307,7 @@ GlobalPositioningSummary SolveGlobalPositioning(
     summary.message = "start is not finite";
     return summary;
   }
-
-  const auto is_before = [](const auto& a, const auto& b) {
-    return std::tie(a.point, a.camera) < std::tie(b.point, b.camera);
-  };
-  if (!std::is_sorted(observations.begin(), observations.end(), is_before)) {
-    std::stable_sort(observations.begin(), observations.end(), is_before);
-  }
+  SortByPoints(&observations);
   // Solved about the fixed centre in units of the median distance: neither
   // the place of the world's origin nor its unit then change the damping.
   const std::vector<double> start_log_distances =
@@ -274,10 +319,7 @@ GlobalPositioningSummary SolveGlobalPositioning(
       Scaled(*centers, origin, 1 / unit, zero);
   std::vector<Eigen::Vector3d> unit_points =
       Scaled(*points, origin, 1 / unit, zero);
-  const bool has_priors = std::any_of(
-      priors.centers.begin(), priors.centers.end(), [](const auto& prior) {
-        return prior.Exists();
-      });
+  const bool has_priors = HasPriors(priors);
   const PointMinimizerSummary found =
       Minimize(observations,
                has_priors ? kNoCamera : fixed_camera,
@@ -295,29 +337,20 @@ GlobalPositioningSummary SolveGlobalPositioning(
   summary.initial_cost = found.initial_cost;
   summary.final_cost = found.final_cost;
 
-  std::vector<double> log_growths =
-      LogDistances(observations, unit_centers, unit_points);
-  for (size_t k = 0; k < observations.size(); ++k) {
-    log_growths[k] -= start_log_distances[k];
-  }
   const double world_from_unit =
-      bodies.fix_scale || has_priors ? unit : std::exp(-Median(log_growths));
+      bodies.fix_scale || has_priors
+          ? unit
+          : MedianShrinkage(
+                start_log_distances,
+                LogDistances(observations, unit_centers, unit_points));
   const auto new_centers = Scaled(unit_centers, zero, world_from_unit, origin);
   const auto new_points = Scaled(unit_points, zero, world_from_unit, origin);
   if (!AllFinite(new_centers) || !AllFinite(new_points)) {
     summary.message = "solution is not finite";
     return summary;
   }
-  std::vector<char> has_moved(centers->size(), false);
-  for (const PositioningObservation& observation : observations) {
-    has_moved[body_of_camera[observation.camera]] = true;
-    (*points)[observation.point] = new_points[observation.point];
-  }
-  for (size_t camera = 0; camera < centers->size(); ++camera) {
-    if (has_moved[body_of_camera[camera]]) {
-      (*centers)[camera] = new_centers[camera];
-    }
-  }
+  MoveObserved(
+      observations, body_of_camera, new_centers, new_points, centers, points);
   if (!has_priors) (*centers)[fixed_camera] = origin;
   summary.success = true;
   return summary;

@@ -18,17 +18,26 @@ pytest.importorskip("distributed", reason="no package distributed (Dask)")
 
 TABLE = "SELECT * FROM dgsfm_pair_geometries ORDER BY pair_id"
 # A killed driver takes its workers with it; what it started may take a while.
-TIMEOUT = 300
+TIMEOUT = float(os.environ.get("DGSFM_CLUSTER_TIMEOUT", "300"))
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """A database of some seconds of work, and its table of pairs by one run."""
+    """A database of some seconds of work, and its table of pairs by one run.
+
+    DGSFM_CLUSTER_SCENE is a folder with the database and gt of another scene.
+    """
     folder = tmp_path_factory.mktemp("cluster") / "scene"
-    synthesize(
-        folder, "--database_only", 1, "--family", "street", "--num_images", 40,
-        "--num_points_per_image", 300, "--outlier_match_ratio", 0.3,
-    )  # fmt: skip
+    if given := os.environ.get("DGSFM_CLUSTER_SCENE"):
+        folder.mkdir()
+        shutil.copy(pathlib.Path(given) / "database.db", folder)
+        query(folder / "database.db", "DROP TABLE IF EXISTS dgsfm_pair_geometries")
+        (folder / "gt").symlink_to(pathlib.Path(given).resolve() / "gt")
+    else:
+        synthesize(
+            folder, "--database_only", 1, "--family", "street", "--num_images", 40,
+            "--num_points_per_image", 300, "--outlier_match_ratio", 0.3,
+        )  # fmt: skip
     single = pathlib.Path(shutil.copy(folder / "database.db", folder / "single.db"))
     dgsfm.verify_pairs(single)
     return folder / "database.db", query(single, TABLE)

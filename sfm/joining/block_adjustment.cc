@@ -264,7 +264,7 @@ class BlockAdjuster {
   // Image i sees point_of_[begins_[i]] to point_of_[begins_[i + 1] - 1].
   std::vector<size_t> begins_;
   std::vector<uint32_t> point_of_;
-  // Of the present block.
+  // The present block.
   std::vector<int> index_in_block_;
   std::vector<uint32_t> touched_;
   std::map<colmap::camera_t, int> cameras_;

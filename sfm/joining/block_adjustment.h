@@ -19,7 +19,7 @@ struct BlockAdjustmentOptions {
   double max_reprojection_error_px = 4;
   // Whether the loss is adapted to the errors of the joined model.
   bool adapt_loss = true;
-  // Of each block; intrinsics are held.
+  // The adjustment of a block; intrinsics are held.
   BundleAdjustmentOptions bundle_adjustment;
 
   bool IsValid(std::string* error) const;

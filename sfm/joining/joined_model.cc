@@ -3,11 +3,11 @@
 #include "colmap_ext/check.h"
 #include "colmap_ext/pose_access.h"
 #include "sfm/georeferencing/model_alignment.h"
+#include "sfm/joining/camera_joining.h"
 
 #include <algorithm>
 #include <limits>
 #include <map>
-#include <set>
 #include <tuple>
 #include <utility>
 
@@ -211,139 +211,6 @@ class PointJoiner {
   std::vector<Entry> entries_;
   // Points of the key points of images of several parts.
   std::vector<std::vector<uint32_t>> shared_;
-};
-
-// Sums of the parameters of tied entries over the parts that have them.
-struct MeanCamera {
-  colmap::Camera camera;
-  // Observations that the camera with most has, by which the model is chosen.
-  size_t max_num_observations = 0;
-  Eigen::VectorXd sum;
-  double num_observations = 0;
-
-  void Add(const colmap::Camera& other, size_t count) {
-    if (count == 0) return;
-    if (count > max_num_observations) {
-      max_num_observations = count;
-      if (sum.size() == 0 || camera.ModelId() != other.ModelId()) {
-        sum = Eigen::VectorXd::Zero(Eigen::Index(other.NumParams()));
-        num_observations = 0;
-      }
-      camera = other;
-    }
-    if (other.ModelId() != camera.ModelId()) return;
-    sum += double(count) *
-           Eigen::Map<const Eigen::VectorXd>(other.ParamsData(),
-                                             Eigen::Index(other.NumParams()));
-    num_observations += double(count);
-  }
-
-  bool Exists() const { return num_observations > 0; }
-
-  colmap::Camera Mean() const {
-    colmap::Camera mean = camera;
-    const Eigen::VectorXd params = sum / num_observations;
-    mean.SetParams({params.data(), params.data() + params.size()});
-    return mean;
-  }
-};
-
-// The cameras of a group, and which of them each image has.
-class CameraJoiner {
- public:
-  CameraJoiner(const Scene& scene,
-               const std::vector<PartModel>& parts,
-               const PartGroup& group)
-      : scene_(scene), parts_(parts) {
-    for (const auto& [camera_id, camera] : scene.cameras) {
-      next_id_ = std::max(next_id_, camera_id + 1);
-    }
-    for (const int part : group.parts) TieEntries(part);
-    for (const int part : group.parts) AddToMeans(part);
-  }
-
-  // The camera of an image that has the pose of a part.
-  colmap::camera_t CameraOf(colmap::image_t image_id, int part) {
-    const colmap::camera_t entry_id = EntryOf(image_id);
-    const colmap::camera_t camera_id =
-        parts_[part].images.at(image_id).camera_id;
-    if (camera_id == entry_id && means_[RootOf(entry_id)].Exists()) {
-      used_entries_.insert(entry_id);
-      return entry_id;
-    }
-    const auto [it, is_new] = own_.emplace(std::make_pair(part, camera_id), 0);
-    if (is_new) it->second = next_id_++;
-    return it->second;
-  }
-
-  // Those that CameraOf() named.
-  void WriteTo(colmap::Reconstruction* model) {
-    for (const colmap::camera_t camera_id : used_entries_) {
-      AddCamera(camera_id, means_.at(RootOf(camera_id)).Mean(), model);
-    }
-    for (const auto& [origin, camera_id] : own_) {
-      AddCamera(
-          camera_id, parts_[origin.first].cameras.at(origin.second), model);
-    }
-  }
-
- private:
-  colmap::camera_t EntryOf(colmap::image_t image_id) const {
-    return scene_.images.at(image_id).CameraId();
-  }
-
-  colmap::camera_t RootOf(colmap::camera_t entry_id) {
-    colmap::camera_t& parent =
-        parents_.emplace(entry_id, entry_id).first->second;
-    return parent == entry_id ? entry_id : parent = RootOf(parent);
-  }
-
-  // Entries of the same parameters, which the part tied.
-  void TieEntries(int part) {
-    std::map<std::tuple<int, size_t, size_t, std::vector<double>>,
-             colmap::camera_t>
-        entries;
-    for (const auto& [image_id, image] : parts_[part].images) {
-      if (image.camera_id != EntryOf(image_id)) continue;
-      const colmap::Camera& camera = parts_[part].cameras.at(image.camera_id);
-      const auto [it, is_new] =
-          entries.emplace(std::make_tuple(int(camera.ModelId()),
-                                          camera.Width(),
-                                          camera.Height(),
-                                          camera.Params()),
-                          image.camera_id);
-      if (!is_new) parents_[RootOf(image.camera_id)] = RootOf(it->second);
-    }
-  }
-
-  void AddToMeans(int part) {
-    std::map<colmap::camera_t, size_t> counts;
-    for (const auto& [image_id, image] : parts_[part].images) {
-      if (image.camera_id != EntryOf(image_id)) continue;
-      counts[image.camera_id] += image.observations.size();
-    }
-    for (const auto& [camera_id, count] : counts) {
-      means_[RootOf(camera_id)].Add(parts_[part].cameras.at(camera_id), count);
-    }
-  }
-
-  static void AddCamera(colmap::camera_t camera_id,
-                        colmap::Camera camera,
-                        colmap::Reconstruction* model) {
-    camera.SetCameraId(camera_id);
-    model->AddCamera(camera);
-  }
-
-  const Scene& scene_;
-  const std::vector<PartModel>& parts_;
-  colmap::camera_t next_id_ = 0;
-  // Entries that some part tied have one root.
-  std::map<colmap::camera_t, colmap::camera_t> parents_;
-  // By roots.
-  std::map<colmap::camera_t, MeanCamera> means_;
-  std::set<colmap::camera_t> used_entries_;
-  // By part and camera of the part.
-  std::map<std::pair<int, colmap::camera_t>, colmap::camera_t> own_;
 };
 
 void AddPoses(const Scene& scene,

@@ -51,13 +51,10 @@ struct JoinedModel {
 };
 
 // One model of a group: each image has the pose of the part in which it sees
-// most points, and points that share an observation are one. A camera entry of
-// the scene has the mean parameters of the parts that have it, weighted by the
-// observations of its images, and one with entries that a part tied to it;
-// cameras that a part gave to some images of an entry are cameras of their own
-// where the images have the pose of that part.
-// The key points of the parts are numbered alike, see UnifyKeypoints(). Points
-// and observations leave the parts of the group, so that memory has them once.
+// most points, points that share an observation are one, and cameras are those
+// of CameraJoiner. The key points of the parts are numbered alike, see
+// UnifyKeypoints(). Points and observations leave the parts of the group, so
+// that memory has them once.
 JoinedModel JoinGroup(const Scene& scene,
                       const PartGroup& group,
                       std::vector<PartModel>* parts);

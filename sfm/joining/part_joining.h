@@ -2,30 +2,12 @@
 
 #pragma once
 
-#include "colmap_ext/pose_prior.h"
-#include "estimators/averaging/graph_averaging.h"
-#include "estimators/position_alignment.h"
-#include "sfm/joining/part_model.h"
+#include "sfm/joining/part_alignment.h"
 
 #include <string>
 #include <vector>
 
 namespace dgsfm {
-
-struct PartJoiningOptions {
-  // Images that two models must share to be compared.
-  int min_num_shared_images = 3;
-  // Share of these that must agree [1]. Images agree whose rotations differ by
-  // at most max_rotation_error_deg [deg], and whose centres by at most
-  // max_center_error [median depth of the image's points], in the frame of
-  // both.
-  double min_agreeing_share = 0.6;
-  double max_rotation_error_deg = 1.0;
-  double max_center_error = 0.02;
-  GraphAveragingOptions averaging;
-
-  bool IsValid(std::string* error) const;
-};
 
 // Parts in one frame.
 struct PartGroup {
