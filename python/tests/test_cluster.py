@@ -31,7 +31,7 @@ def scene(tmp_path_factory):
     if given := os.environ.get("DGSFM_CLUSTER_SCENE"):
         folder.mkdir()
         shutil.copy(pathlib.Path(given) / "database.db", folder)
-        query(folder / "database.db", "DROP TABLE IF EXISTS dgsfm_pair_geometries")
+        query(folder / "database.db", "DELETE FROM dgsfm_pair_geometries")
         (folder / "gt").symlink_to(pathlib.Path(given).resolve() / "gt")
     else:
         synthesize(
