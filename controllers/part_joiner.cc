@@ -19,6 +19,7 @@
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
+#include <map>
 #include <optional>
 #include <sstream>
 #include <utility>
@@ -37,7 +38,7 @@ constexpr char kGeoreferenceFile[] = "georeference.json";
 // A model with what the report has of it.
 struct FinishedModel {
   std::vector<std::string> part_names;
-  size_t num_images = 0;
+  std::vector<colmap::image_t> image_ids;
   size_t num_points = 0;
   size_t num_observations = 0;
   // Median of the mean reprojection errors of the points [px].
@@ -182,7 +183,7 @@ FinishedModel FinishModel(const PartJoinerOptions& options,
                                            &model,
                                            &warnings);
   for (const std::string& warning : warnings) log->Warn(warning);
-  finished.num_images = model.image_ids.size();
+  finished.image_ids = model.image_ids;
   finished.num_points = model.NumPoints();
   finished.num_observations = model.observations.size();
   WriteJoinedModel(model, *parts, added_keypoints, folder);
@@ -192,7 +193,7 @@ FinishedModel FinishModel(const PartJoinerOptions& options,
 
 Json ModelEntry(const Scene& scene, const FinishedModel& model) {
   Json entry = {{"parts", model.part_names},
-                {"images", model.num_images},
+                {"images", model.image_ids.size()},
                 {"points", model.num_points},
                 {"observations", model.num_observations}};
   if (model.median_error_px) entry["median_error_px"] = *model.median_error_px;
@@ -202,6 +203,31 @@ Json ModelEntry(const Scene& scene, const FinishedModel& model) {
   return entry;
 }
 
+// One line an image, as text: collections may have a million.
+std::string ImageLines(const Scene& scene,
+                       const std::vector<FinishedModel>& models) {
+  std::map<colmap::image_t, size_t> model_of_image;
+  for (size_t i = 0; i < models.size(); ++i) {
+    for (const colmap::image_t image_id : models[i].image_ids) {
+      model_of_image.emplace(image_id, i);
+    }
+  }
+  std::string lines;
+  for (const auto& [image_id, image] : scene.images) {
+    Json entry = {{"name", image.Name()}};
+    const auto model = model_of_image.find(image_id);
+    entry["registered"] = model != model_of_image.end();
+    if (model == model_of_image.end()) {
+      entry["reason"] = "no model of a part has it";
+    } else {
+      entry["model"] = model->second;
+    }
+    lines += (lines.empty() ? "\n    " : ",\n    ") + JsonText(entry, -1);
+  }
+  return lines;
+}
+
+// As the report of the mapper, without pairs, which joining does not see.
 void WriteReport(const std::string& path,
                  const Scene& scene,
                  const std::vector<FinishedModel>& models,
@@ -213,7 +239,12 @@ void WriteReport(const std::string& path,
     report["models"].push_back(ModelEntry(scene, model));
   }
   report["warnings"] = log.warnings;
-  WriteFile(path, JsonText(report, 2) + "\n");
+  report["view_graph"] = Json::array();
+  std::string text = JsonText(report, 2);
+  text.resize(text.size() - 2);  // Opens the closing brace for the images.
+  WriteFile(
+      path,
+      text + ",\n  \"images\": [" + ImageLines(scene, models) + "\n  ]\n}\n");
 }
 
 std::string Describe(const std::vector<FinishedModel>& models,
@@ -222,7 +253,7 @@ std::string Describe(const std::vector<FinishedModel>& models,
   std::ostringstream text;
   for (size_t i = 0; i < models.size(); ++i) {
     const FinishedModel& model = models[i];
-    text << "model " << i << ": " << model.num_images << " images of "
+    text << "model " << i << ": " << model.image_ids.size() << " images of "
          << model.part_names.size() << " parts, " << model.num_points
          << " points";
     if (model.median_error_px) {

@@ -153,6 +153,12 @@ TEST_F(ModelJoiner, ReportsAPartThatContradictsTheOthers) {
     EXPECT_THAT(warning, HasSubstr(folded));
     EXPECT_THAT(warning, HasSubstr("contradict each other"));
   }
+  EXPECT_EQ(report["images"].size(), 40);
+  ExpectSuccess(RunForTest(&RunModelReporter,
+                           {"--input_path",
+                            dir_ + "/joined",
+                            "--output_path",
+                            dir_ + "/joined.html"}));
 }
 
 TEST_F(ModelJoiner, PartitionCoversAllImages) {
