@@ -84,6 +84,16 @@ void StageReports(const GlobalDepthMapperOptions& options,
   }
 }
 
+void WarnOfDepthKinds(const Scene& scene,
+                      const KeypointDepthMap& given_depths,
+                      DepthGlobalMapperResult* result) {
+  for (const std::string& warning :
+       WarningsOfDepthKinds(scene, given_depths, result->models)) {
+    LOG(WARNING) << warning;
+    result->warnings.push_back(warning);
+  }
+}
+
 GlobalDepthMapperSummary Summarize(const Scene& scene,
                                    const DepthGlobalMapperResult& result,
                                    const std::string& output_path) {
@@ -143,11 +153,7 @@ GlobalDepthMapperSummary GlobalDepthMapper::Run() {
   KeypointDepthMap& given_depths = input.affine_depths;
   given_depths.merge(result.dropped_depths);
   given_depths.merge(input.depths);
-  for (const std::string& warning :
-       WarningsOfDepthKinds(input.scene, given_depths, result.models)) {
-    LOG(WARNING) << warning;
-    result.warnings.push_back(warning);
-  }
+  WarnOfDepthKinds(input.scene, given_depths, &result);
   result.stages.insert(result.stages.begin(), stages.begin(), stages.end());
   WarnOfPositions(options_.mapper.georeferencing, input.pose_priors, &result);
   StageModels(folder, &result);

@@ -50,10 +50,10 @@ struct PartJoinerSummary {
 };
 
 // Joins the models of parts, adjusts what came out of it by blocks of one part
-// and writes models, report.json and project.ini. Of the database it reads
-// cameras, images, rigs and positions. Memory grows with the observations of
-// the models alone. Throws std::invalid_argument on options that are not valid,
-// std::runtime_error naming file, image or model.
+// and writes models, report.json and project.ini. Cameras, images, rigs and
+// positions are read from the database, neither key points nor matches. Memory
+// grows with the observations of the models. Throws std::invalid_argument on
+// options that are not valid, std::runtime_error naming file, image or model.
 PartJoinerSummary JoinParts(const PartJoinerOptions& options);
 
 }  // namespace dgsfm

@@ -7,6 +7,23 @@ namespace dgsfm {
 
 namespace {
 
+void BindAlignment(DepthAlignmentOptions* options,
+                   CommandOptions* command_options) {
+  command_options->AddChoice<DepthAlignmentModel>(
+      "DepthAlignment.model",
+      &options->model,
+      {{"scale", DepthAlignmentModel::SCALE},
+       {"scale_shift", DepthAlignmentModel::SCALE_SHIFT},
+       {"field", DepthAlignmentModel::FIELD}},
+      "scale, scale_shift, or field (a smooth field of scales)");
+  command_options->Add("DepthAlignment.min_num_points",
+                       &options->min_num_points,
+                       "Images that see fewer points are left out");
+  command_options->Add("DepthAlignment.num_nodes",
+                       &options->num_nodes,
+                       "Nodes of the field along the longer side");
+}
+
 void BindMultiView(MultiViewRefinementOptions* options,
                    CommandOptions* command_options) {
   OptionGroup("MultiViewDepth", command_options)
@@ -53,19 +70,7 @@ void BindOptions(DepthExportOptions* options, CommandOptions* command_options) {
   command_options->Add("png_scale",
                        &options->png_scale,
                        "Depth per step of a PNG [unit of depth]");
-  command_options->AddChoice<DepthAlignmentModel>(
-      "DepthAlignment.model",
-      &options->alignment.model,
-      {{"scale", DepthAlignmentModel::SCALE},
-       {"scale_shift", DepthAlignmentModel::SCALE_SHIFT},
-       {"field", DepthAlignmentModel::FIELD}},
-      "scale, scale_shift, or field (a smooth field of scales)");
-  command_options->Add("DepthAlignment.min_num_points",
-                       &options->alignment.min_num_points,
-                       "Images that see fewer points are left out");
-  command_options->Add("DepthAlignment.num_nodes",
-                       &options->alignment.num_nodes,
-                       "Nodes of the field along the longer side");
+  BindAlignment(&options->alignment, command_options);
   command_options->Add("multi_view",
                        &options->multi_view,
                        "whether aligned maps are refined by those of "

@@ -72,6 +72,14 @@ Eigen::MatrixXd ComputeResiduals(
   return residuals;
 }
 
+std::vector<Eigen::Quaterniond> NormalizedChecked(
+    std::vector<Eigen::Quaterniond> rotations) {
+  for (Eigen::Quaterniond& rotation : rotations) {
+    rotation = NormalizedChecked(rotation);
+  }
+  return rotations;
+}
+
 std::vector<RelativeRotation> NormalizedChecked(
     std::vector<RelativeRotation> relatives) {
   for (size_t i = 0; i < relatives.size(); ++i) {
@@ -117,15 +125,10 @@ bool AverageRotations(int num_nodes,
       MaximumSpanningTree(num_nodes, edges, tree_weights, fixed_node);
   if (static_cast<int>(tree.order.size()) < num_nodes) return false;
 
-  std::vector<Eigen::Quaterniond> estimates;
   const bool has_start = static_cast<int>(rotations->size()) == num_nodes;
-  if (has_start) {
-    for (const Eigen::Quaterniond& rotation : *rotations) {
-      estimates.push_back(NormalizedChecked(rotation));
-    }
-  } else {
-    estimates = ChainAlongTree(relatives, tree);
-  }
+  std::vector<Eigen::Quaterniond> estimates =
+      has_start ? NormalizedChecked(*rotations)
+                : ChainAlongTree(relatives, tree);
   // With R_i <- R_i exp(x_i), the residual e changes by x_1 - x_2 to first
   // order. The exact derivative has the same gradient, for e is an eigenvector
   // of its own Jacobian: fixed points are minima.

@@ -231,6 +231,16 @@ std::vector<int> BodiesOfCameras(const PositioningBodies& bodies,
   return body_of_camera;
 }
 
+// Empty if there is something to solve.
+std::string WhyNotToSolve(
+    const std::vector<PositioningObservation>& observations,
+    const std::vector<Eigen::Vector3d>& centers,
+    const std::vector<Eigen::Vector3d>& points) {
+  if (observations.empty()) return "no observations";
+  if (!AllFinite(centers) || !AllFinite(points)) return "start is not finite";
+  return "";
+}
+
 void SortByPoints(std::vector<PositioningObservation>* observations) {
   const auto is_before = [](const auto& a, const auto& b) {
     return std::tie(a.point, a.camera) < std::tie(b.point, b.camera);
@@ -299,14 +309,8 @@ GlobalPositioningSummary SolveGlobalPositioning(
   const std::vector<int> body_of_camera =
       BodiesOfCameras(bodies, centers->size());
   GlobalPositioningSummary summary;
-  if (observations.empty()) {
-    summary.message = "no observations";
-    return summary;
-  }
-  if (!AllFinite(*centers) || !AllFinite(*points)) {
-    summary.message = "start is not finite";
-    return summary;
-  }
+  summary.message = WhyNotToSolve(observations, *centers, *points);
+  if (!summary.message.empty()) return summary;
   SortByPoints(&observations);
   // Solved about the fixed centre in units of the median distance: neither
   // the place of the world's origin nor its unit then change the damping.
@@ -315,10 +319,8 @@ GlobalPositioningSummary SolveGlobalPositioning(
   const Eigen::Vector3d origin = (*centers)[fixed_camera];
   const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
   const double unit = std::exp(Median(start_log_distances));
-  std::vector<Eigen::Vector3d> unit_centers =
-      Scaled(*centers, origin, 1 / unit, zero);
-  std::vector<Eigen::Vector3d> unit_points =
-      Scaled(*points, origin, 1 / unit, zero);
+  auto unit_centers = Scaled(*centers, origin, 1 / unit, zero);
+  auto unit_points = Scaled(*points, origin, 1 / unit, zero);
   const bool has_priors = HasPriors(priors);
   const PointMinimizerSummary found =
       Minimize(observations,

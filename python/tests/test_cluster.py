@@ -19,6 +19,8 @@ pytest.importorskip("distributed", reason="no package distributed (Dask)")
 TABLE = "SELECT * FROM dgsfm_pair_geometries ORDER BY pair_id"
 # A killed driver takes its workers with it; what it started may take a while.
 TIMEOUT = float(os.environ.get("DGSFM_CLUSTER_TIMEOUT", "300"))
+# Factor of the times between kills, for scenes whose shards take longer.
+PACE = float(os.environ.get("DGSFM_CLUSTER_PACE", "1"))
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +109,7 @@ def test_killed_workers_change_nothing(scene, database):
     rng = random.Random(0)
     num_killed = 0
     while driver.process.poll() is None and num_killed < 20:
-        time.sleep(rng.uniform(0.1, 1))
+        time.sleep(PACE * rng.uniform(0.1, 1))
         workers = driver.workers()
         if not workers:
             continue
@@ -128,7 +130,7 @@ def test_killed_drivers_go_on(scene, database):
     for _ in range(5):
         driver = Driver(database, "--num_shards", 60)
         driver.wait_for_workers()
-        time.sleep(rng.uniform(0.2, 2))
+        time.sleep(PACE * rng.uniform(0.2, 2))
         driver.process.kill()
         driver.wait()
         shards = database.with_name(database.name + ".cluster") / "shards"

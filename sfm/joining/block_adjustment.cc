@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kNotInBlock = -1;
 
-// What all blocks share.
+// The poses and indices that the adjustments of all blocks share.
 class BlockAdjuster {
  public:
   BlockAdjuster(const BlockAdjustmentOptions& options,

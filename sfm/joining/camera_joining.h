@@ -33,9 +33,9 @@ class MeanCamera {
 };
 
 // The cameras of a group. A camera entry of the scene has the mean parameters
-// of the parts that have it, and one with entries that a part tied to it, which
-// is to say gave the same parameters. Cameras that a part gave to some images
-// of an entry are cameras of their own.
+// of the parts that have it. Entries that some part gave the same parameters
+// are tied: they have one mean. Cameras that a part gave to some images of an
+// entry are cameras of their own.
 class CameraJoiner {
  public:
   CameraJoiner(const Scene& scene,
@@ -59,10 +59,10 @@ class CameraJoiner {
   colmap::camera_t next_id_ = 0;
   // Tied entries have one root.
   std::map<colmap::camera_t, colmap::camera_t> parents_;
-  // By roots.
+  // Means by root.
   std::map<colmap::camera_t, MeanCamera> means_;
   std::set<colmap::camera_t> used_entries_;
-  // By part and camera of the part.
+  // Ids of the cameras that are no entries, by part and camera of the part.
   std::map<std::pair<int, colmap::camera_t>, colmap::camera_t> own_;
 };
 

@@ -45,8 +45,8 @@ struct JoinedModel {
   size_t NumPoints() const { return points.size(); }
   // Changes the frame of poses and points.
   void Transform(const Similarity3d& new_from_old);
-  // Removes the observations of which `keep` is false, and the points that two
-  // or more are not left of.
+  // Removes the observations whose `keep` is false, and points with fewer than
+  // two others.
   void Keep(const std::vector<bool>& keep);
 };
 
