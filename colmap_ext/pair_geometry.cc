@@ -7,23 +7,6 @@ namespace dgsfm {
 
 namespace {
 
-using StatusName = std::pair<PairStatus, const char*>;
-constexpr StatusName kStatusNames[] = {
-    {PairStatus::VALID, "valid"},
-    {PairStatus::TOO_FEW_MATCHES, "too_few_matches"},
-    {PairStatus::NO_GEOMETRY, "no_geometry"},
-    {PairStatus::TOO_FEW_INLIERS, "too_few_inliers"},
-    {PairStatus::LOW_INLIER_RATIO, "low_inlier_ratio"},
-    {PairStatus::SCALE_OUT_OF_RANGE, "scale_out_of_range"},
-    {PairStatus::DEPTH_INCONSISTENT, "depth_inconsistent"},
-    {PairStatus::LOW_PAIR_SCORE, "low_pair_score"},
-    {PairStatus::LOW_TRIPLET_SUPPORT, "low_triplet_support"},
-    {PairStatus::ROTATION_OUTLIER, "rotation_outlier"},
-    {PairStatus::STATIONARY, "stationary"},
-    {PairStatus::TRANSLATION_OUTLIER, "translation_outlier"},
-    {PairStatus::MODEL_OUTLIER, "model_outlier"},
-    {PairStatus::POSITION_OUTLIER, "position_outlier"}};
-
 using StageName = std::pair<PairStage, const char*>;
 constexpr StageName kStageNames[] = {
     {PairStage::VERIFICATION, "verification"},
@@ -57,7 +40,7 @@ std::string NameOf(const Names& names, Value value, const std::string& what) {
 }  // namespace
 
 std::string PairStatusName(PairStatus status) {
-  return NameOf(kStatusNames, status, "pair status");
+  return NameOf(kPairStatusNames, status, "pair status");
 }
 
 bool StaysOut(PairStatus status) {

@@ -35,7 +35,24 @@ enum class PairStatus : int {
   POSITION_OUTLIER = 13,     // contradicts the positions that images were given
 };
 
-// Name as in logs and report.json, e.g. "too_few_inliers".
+// Names as in logs and report.json.
+constexpr std::pair<PairStatus, const char*> kPairStatusNames[] = {
+    {PairStatus::VALID, "valid"},
+    {PairStatus::TOO_FEW_MATCHES, "too_few_matches"},
+    {PairStatus::NO_GEOMETRY, "no_geometry"},
+    {PairStatus::TOO_FEW_INLIERS, "too_few_inliers"},
+    {PairStatus::LOW_INLIER_RATIO, "low_inlier_ratio"},
+    {PairStatus::SCALE_OUT_OF_RANGE, "scale_out_of_range"},
+    {PairStatus::DEPTH_INCONSISTENT, "depth_inconsistent"},
+    {PairStatus::LOW_PAIR_SCORE, "low_pair_score"},
+    {PairStatus::LOW_TRIPLET_SUPPORT, "low_triplet_support"},
+    {PairStatus::ROTATION_OUTLIER, "rotation_outlier"},
+    {PairStatus::STATIONARY, "stationary"},
+    {PairStatus::TRANSLATION_OUTLIER, "translation_outlier"},
+    {PairStatus::MODEL_OUTLIER, "model_outlier"},
+    {PairStatus::POSITION_OUTLIER, "position_outlier"}};
+
+// E.g. "too_few_inliers"; throws std::invalid_argument for other numbers.
 std::string PairStatusName(PairStatus status);
 
 // Whether imported scores or positions excluded the pair: agreement with a

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "colmap_ext/scene.h"
-#include "sfm/view_graph/view_graph.h"
+#include "sfm/view_graph/pair_filters.h"
 
 #include <string>
 

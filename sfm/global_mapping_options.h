@@ -9,6 +9,7 @@
 #include "sfm/mapping/position_initialization.h"
 #include "sfm/mapping/track_establishment.h"
 #include "sfm/view_graph/component_averaging.h"
+#include "sfm/view_graph/pair_filters.h"
 
 #include <string>
 

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "sfm/verification/pair_verification.h"
-#include "sfm/view_graph/view_graph.h"
+#include "sfm/view_graph/pair_filters.h"
 
 #include <string>
 

@@ -2,10 +2,9 @@
 
 #include "colmap_ext/check.h"
 #include "estimators/averaging/graph.h"
-#include "estimators/option_check.h"
 
 #include <algorithm>
-#include <numeric>
+#include <map>
 #include <set>
 
 namespace dgsfm {
@@ -35,58 +34,12 @@ std::vector<colmap::image_t> ImagesToConnect(const PairGeometries& pairs,
 
 }  // namespace
 
-bool ViewGraphFilterOptions::IsValid(std::string* error) const {
-  return OptionBounds(error)
-      .Within("min_pair_score", min_pair_score, 0, 1)
-      .Within("min_triplet_support", min_triplet_support, 0, 1)
-      .AreKept();
-}
-
 PairTotals CountPairs(const PairGeometries& pairs) {
   PairTotals totals;
   for (const auto& [pair_id, pair] : pairs) {
     totals.Add(pair.status, pair.degeneracies, 1);
   }
   return totals;
-}
-
-size_t FilterByPairScore(const PairScores& scores,
-                         const ViewGraphFilterOptions& options,
-                         PairGeometries* pairs) {
-  size_t num_filtered = 0;
-  for (auto& [pair_id, pair] : *pairs) {
-    const auto it = scores.find(pair_id);
-    if (pair.status != PairStatus::VALID || it == scores.end() ||
-        it->second > options.min_pair_score) {
-      continue;
-    }
-    pair.Judge(PairStage::VIEW_GRAPH_FILTER, PairStatus::LOW_PAIR_SCORE);
-    ++num_filtered;
-  }
-  return num_filtered;
-}
-
-size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
-                              PairGeometries* pairs) {
-  const ImageIndex index(ImagesToConnect(*pairs, {}));
-  const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
-  std::vector<GraphEdge> edges;
-  std::vector<double> counts;
-  for (const IndexedPair& indexed : valid_pairs) {
-    edges.emplace_back(indexed.image1, indexed.image2);
-    counts.push_back(double(indexed.pair->NumInliers()));
-  }
-  const std::vector<double> support =
-      TripletSupport(index.Size(), edges, counts);
-  size_t num_filtered = 0;
-  for (size_t i = 0; i < edges.size(); ++i) {
-    // Edges in no triplet (support -1) have no evidence against them.
-    if (support[i] < 0 || support[i] > options.min_triplet_support) continue;
-    valid_pairs[i].pair->Judge(PairStage::VIEW_GRAPH_FILTER,
-                               PairStatus::LOW_TRIPLET_SUPPORT);
-    ++num_filtered;
-  }
-  return num_filtered;
 }
 
 std::vector<std::vector<colmap::image_t>> ConnectedImages(

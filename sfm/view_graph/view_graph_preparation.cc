@@ -254,12 +254,9 @@ void FilterPairs(const DepthGlobalMapperOptions& options,
                  PairGeometries* pairs,
                  MappingLog* log) {
   StageTimer timer("view_graph_filter");
-  if (!options.skip_pair_scores) {
-    FilterByPairScore(pair_scores, options.view_graph, pairs);
-  }
-  if (options.view_graph.min_triplet_support > 0) {
-    FilterByTripletSupport(options.view_graph, pairs);
-  }
+  ApplyPairFilters(options.view_graph,
+                   options.skip_pair_scores ? PairScores() : pair_scores,
+                   pairs);
   timer.Add(CountPairs(*pairs));
   timer.Finish(&log->stages);
 }
