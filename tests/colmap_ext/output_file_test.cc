@@ -6,9 +6,10 @@
 #include "tests/testing/test_dir.h"
 
 #include <filesystem>
-#include <new>
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 namespace dgsfm {
 namespace {
@@ -72,9 +73,13 @@ TEST(OutputFile, ReplacesLinks) {
 
 TEST(OutputFile, ReplacesWhatAKilledRunLeft) {
   const std::string dir = CreateTestDir();
-  // A killed run leaves its file: nothing runs the destructor.
-  alignas(OutputFile) unsigned char killed[sizeof(OutputFile)];
-  new (killed) OutputFile(dir + "/a");
+  // A process that is killed leaves its file.
+  const pid_t child = fork();
+  if (child == 0) {
+    const OutputFile file(dir + "/a");
+    _exit(0);
+  }
+  ASSERT_EQ(waitpid(child, nullptr, 0), child);
   EXPECT_EQ(NumEntries(dir), 1);
   WriteFile(dir + "/a", "new");
   EXPECT_EQ(NumEntries(dir), 1);

@@ -56,6 +56,20 @@ class ModelJoiner : public testing::Test {
     return RunForTest(&RunDepthGlobalMapper, options);
   }
 
+  void Partition(const std::string& folder,
+                 const std::string& max_part_size,
+                 const std::string& overlap) const {
+    ExpectSuccess(RunForTest(&RunViewGraphPartitioner,
+                             {"--database_path",
+                              path_,
+                              "--output_path",
+                              folder,
+                              "--max_part_size",
+                              max_part_size,
+                              "--overlap",
+                              overlap}));
+  }
+
   // Maps the parts into folders beside the lists; returns these.
   std::string MapParts(const std::string& folder) const {
     std::string paths;
@@ -89,15 +103,7 @@ class ModelJoiner : public testing::Test {
 TEST_F(ModelJoiner, PartsGiveTheModelOfOneRun) {
   ExpectSuccess(Map(dir_ + "/single"));
   const std::string parts = dir_ + "/parts";
-  ExpectSuccess(RunForTest(&RunViewGraphPartitioner,
-                           {"--database_path",
-                            path_,
-                            "--output_path",
-                            parts,
-                            "--max_part_size",
-                            "22",
-                            "--overlap",
-                            "0.3"}));
+  Partition(parts, "22", "0.3");
   const std::vector<std::string> rows = PairRows(path_);
   const std::string paths = MapParts(parts);
   // A part leaves the pairs of others alone.
@@ -115,15 +121,7 @@ TEST_F(ModelJoiner, PartsGiveTheModelOfOneRun) {
 // False pairs fold a part: half of its images are where others are.
 TEST_F(ModelJoiner, ReportsAPartThatContradictsTheOthers) {
   const std::string parts = dir_ + "/parts";
-  ExpectSuccess(RunForTest(&RunViewGraphPartitioner,
-                           {"--database_path",
-                            path_,
-                            "--output_path",
-                            parts,
-                            "--max_part_size",
-                            "18",
-                            "--overlap",
-                            "0.4"}));
+  Partition(parts, "18", "0.4");
   const std::string paths = MapParts(parts);
   const std::string folded = parts + "/part_0001/0";
   colmap::Reconstruction model;
