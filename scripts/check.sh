@@ -5,8 +5,8 @@
 #   check.sh lint    shellcheck of the scripts, hadolint of the Dockerfile
 #   check.sh tidy    clang-tidy 14 with the checks of .clang-tidy
 #   check.sh asan    the tests with AddressSanitizer and UBSan
-#   check.sh readers those of files, databases and estimators alone, in which
-#                    nearly all indices are computed (in .ci/run, and in asan)
+#   check.sh readers the part of asan that covers files, databases and
+#                    estimators
 #   check.sh tsan    the tests with ThreadSanitizer
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -49,7 +49,7 @@ check_sanitizer() {
 check_readers() {
   cmake --preset asan "${options[@]}"
   cmake --build --preset asan --target colmap_ext_test estimators_test
-  # Others are listed, but not built.
+  # The other tests are listed, but not built.
   ctest --preset asan -L '^(colmap_ext|estimators)$'
 }
 
