@@ -35,6 +35,13 @@ class Hosts:
     def __init__(self):
         self.names = [f"dgsfm{os.getpid()}_{i}" for i in range(2)]
         self.processes = []
+        try:
+            self.create()
+        except Exception:
+            self.close()
+            raise
+
+    def create(self):
         first, second = self.names
         for name in self.names:
             call(f"ip netns add {name}")
@@ -62,12 +69,16 @@ class Hosts:
         return process
 
     def close(self):
+        if not shutil.which("ip"):
+            return
         for process in self.processes:
             process.terminate()
         for process in self.processes:
             process.wait()
         for name in self.names:
-            subprocess.run(["ip", "netns", "delete", name], check=False)
+            subprocess.run(
+                ["ip", "netns", "delete", name], check=False, capture_output=True
+            )
 
 
 @pytest.fixture
