@@ -10,12 +10,14 @@ namespace {
 
 TEST(PairStatusName, IsUnique) {
   std::set<std::string> names;
-  const int last = static_cast<int>(PairStatus::POSITION_OUTLIER);
-  for (int status = 0; status <= last; ++status) {
-    names.insert(PairStatusName(static_cast<PairStatus>(status)));
+  int next = 0;
+  for (const auto& [status, name] : kPairStatusNames) {
+    EXPECT_EQ(static_cast<int>(status), next++);
+    EXPECT_EQ(PairStatusName(status), name);
+    names.insert(name);
   }
-  EXPECT_EQ(names.size(), size_t(last) + 1);
-  EXPECT_THROW(PairStatusName(static_cast<PairStatus>(last + 1)),
+  EXPECT_EQ(names.size(), size_t(next));
+  EXPECT_THROW(PairStatusName(static_cast<PairStatus>(next)),
                std::invalid_argument);
 }
 
