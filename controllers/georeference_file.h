@@ -14,6 +14,9 @@
 
 namespace dgsfm {
 
+// File of a run, beside the models.
+constexpr char kGeoreferenceFile[] = "georeference.json";
+
 // Entry of a model in the report.
 nlohmann::ordered_json GeoreferenceEntry(const Scene& scene,
                                          const ModelGeoreference& georeference);

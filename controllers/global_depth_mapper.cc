@@ -36,7 +36,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kPageFile[] = "report.html";
-constexpr char kGeoreferenceFile[] = "georeference.json";
 
 // Maps of unknown scale and shift, which are converted before they are used.
 KeypointDepthMap AffineDepthsOf(const KeypointDepthMap& depths) {
@@ -49,9 +48,8 @@ KeypointDepthMap AffineDepthsOf(const KeypointDepthMap& depths) {
 
 RigScene LoadRigs(const GlobalDepthMapperOptions& options, const Scene& scene) {
   if (options.ignore_rigs) return {};
-  const RigScene rigs = options.rig_config_path.empty()
-                            ? ReadRigs(options.verifier.database_path, scene)
-                            : ReadRigConfig(options.rig_config_path, scene);
+  const RigScene rigs =
+      ReadRigs(options.verifier.database_path, options.rig_config_path, scene);
   if (!rigs.Empty()) {
     LOG(INFO) << rigs.rigs.size() << " rigs, " << rigs.frames.size()
               << " frames of several images";

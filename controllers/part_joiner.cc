@@ -33,8 +33,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr char kGeoreferenceFile[] = "georeference.json";
-
 // A model with what the report has of it.
 struct FinishedModel {
   std::vector<std::string> part_names;
@@ -48,10 +46,10 @@ struct FinishedModel {
 
 Scene LoadScene(const PartJoinerOptions& options) {
   Scene scene = ReadScene(options.database_path, SceneContent::IMAGES);
-  if (options.ignore_rigs) return scene;
-  scene.rigs = options.rig_config_path.empty()
-                   ? ReadRigs(options.database_path, scene)
-                   : ReadRigConfig(options.rig_config_path, scene);
+  if (!options.ignore_rigs) {
+    scene.rigs =
+        ReadRigs(options.database_path, options.rig_config_path, scene);
+  }
   return scene;
 }
 

@@ -122,8 +122,7 @@ ViewGraphPartition PartitionViewGraph(const std::string& database_path,
                                       const std::string& rig_config_path) {
   CheckOptions(options);
   Scene scene = ReadScene(database_path, SceneContent::IMAGES);
-  scene.rigs = rig_config_path.empty() ? ReadRigs(database_path, scene)
-                                       : ReadRigConfig(rig_config_path, scene);
+  scene.rigs = ReadRigs(database_path, rig_config_path, scene);
   const auto pairs =
       DepthDatabase(database_path, DepthDatabase::Mode::READ_ONLY)
           .ReadValidPairs();

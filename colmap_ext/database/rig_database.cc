@@ -276,4 +276,11 @@ RigScene ReadRigConfig(const std::string& path, const Scene& scene) {
   return WithSeveralCameras(std::move(rigs));
 }
 
+RigScene ReadRigs(const std::string& database_path,
+                  const std::string& rig_config_path,
+                  const Scene& scene) {
+  return rig_config_path.empty() ? ReadRigs(database_path, scene)
+                                 : ReadRigConfig(rig_config_path, scene);
+}
+
 }  // namespace dgsfm

@@ -21,4 +21,9 @@ RigScene ReadRigs(const std::string& database_path, const Scene& scene);
 // several cameras.
 RigScene ReadRigConfig(const std::string& path, const Scene& scene);
 
+// Those of the file if its path is not empty, else those of the database.
+RigScene ReadRigs(const std::string& database_path,
+                  const std::string& rig_config_path,
+                  const Scene& scene);
+
 }  // namespace dgsfm

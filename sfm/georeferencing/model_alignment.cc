@@ -76,12 +76,6 @@ Eigen::Vector3d CenterOf(const colmap::Reconstruction& model,
   return CamFromWorld(model.Image(image_id)).TargetOriginInSource();
 }
 
-// L of the information L^T L of a covariance L^-1 L^-T.
-Eigen::Matrix3d SqrtInformation(const Eigen::Matrix3d& covariance) {
-  const Eigen::Matrix3d lower = covariance.llt().matrixL();
-  return lower.inverse();
-}
-
 }  // namespace
 
 void ModelGeoreference::MeasureErrors() {
@@ -125,6 +119,11 @@ std::string ScaleSourceName(ScaleSource source) {
       return "rigs";
   }
   return "unknown";
+}
+
+Eigen::Matrix3d SqrtInformation(const Eigen::Matrix3d& covariance) {
+  const Eigen::Matrix3d lower = covariance.llt().matrixL();
+  return lower.inverse();
 }
 
 bool HasPositions(const PosePriors& priors) {

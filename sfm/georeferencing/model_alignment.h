@@ -61,6 +61,9 @@ struct ModelGeoreference {
   void MeasureErrors();
 };
 
+// L of the information L^T L of a covariance L^-1 L^-T.
+Eigen::Matrix3d SqrtInformation(const Eigen::Matrix3d& covariance);
+
 bool HasPositions(const PosePriors& priors);
 
 // Why positions cannot be used for a model, by its alignment with them at a

@@ -2,13 +2,12 @@
 
 #include "estimators/median.h"
 #include "estimators/option_check.h"
+#include "sfm/georeferencing/model_alignment.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
-
-#include <Eigen/Cholesky>
 
 namespace dgsfm {
 
@@ -154,10 +153,9 @@ std::optional<RelativeSimilarity> AlignPartToPositions(
     const auto prior = positions.find(image_id);
     if (prior == positions.end() || !prior->second.HasPosition()) continue;
     const Eigen::Matrix3d& covariance = prior->second.covariance;
-    const Eigen::Matrix3d lower = covariance.llt().matrixL();
     matches.push_back({image.cam_from_part.TargetOriginInSource(),
                        prior->second.position,
-                       lower.inverse()});
+                       SqrtInformation(covariance)});
     stddevs.push_back(std::sqrt(covariance.trace() / 3));
   }
   const auto alignment = AlignPositions({}, matches, std::nullopt);

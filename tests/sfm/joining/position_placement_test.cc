@@ -13,7 +13,7 @@ namespace {
 using testing::HasSubstr;
 
 constexpr int kNumImages = 20;
-// Of the positions over the model.
+// The scale of the positions over that of the model.
 constexpr double kScale = 1.5;
 
 class PositionPlacement : public testing::Test {
