@@ -9,82 +9,59 @@ namespace {
 
 double Square(double x) { return x * x; }
 
-// The lower triangle of the first rows and columns of matrix += left right^T.
-// Unrolled over columns: it takes most of the time of an iteration.
-template <int kColumn = 0, int kSize, typename Matrix>
-void AddLowerProduct(const Eigen::Matrix<double, kSize, 1>& left,
-                     const Eigen::Matrix<double, kSize, 1>& right,
-                     Matrix* matrix) {
-  if constexpr (kColumn < kSize) {
-    matrix->col(kColumn).template segment<kSize - kColumn>(kColumn) +=
-        right(kColumn) * left.template tail<kSize - kColumn>();
-    AddLowerProduct<kColumn + 1>(left, right, matrix);
-  }
-}
-
-// Row of the Jacobian by the first parameters.
+// Adds the equations of the first parameters.
 template <int kSize>
-void AddRow(const Eigen::Matrix<double, kSize, 1>& row,
-            double residual,
-            double weight,
-            NormalEquations* normal) {
-  const Eigen::Matrix<double, kSize, 1> weighted = weight * row;
-  AddLowerProduct(row, weighted, &normal->matrix);
-  normal->gradient.template head<kSize>() += residual * weighted;
+void Add(const LaneEquations<kSize>& equations, NormalEquations* normal) {
+  const Lanes* entry = equations.matrix;
+  for (int i = 0; i < kSize; ++i) {
+    normal->gradient(i) += Sum(equations.gradient[i]);
+    for (int j = 0; j <= i; ++j) normal->matrix(i, j) += Sum(*entry++);
+  }
 }
 
-// Sum of robustified squares. Squares are normalised by the truncation; sums of
-// logarithms are logarithms of products, which need one logarithm for many.
-class LossSum {
- public:
-  LossSum(TwoViewLoss loss, double max_sq_error)
-      : loss_(loss), max_sq_error_(max_sq_error) {}
-
-  // Returns the derivative of the robustified square.
-  double Add(double sq_error) {
-    const double ratio = sq_error / max_sq_error_;
-    const bool is_inlier = ratio < 1 || loss_ == TwoViewLoss::CAUCHY;
-    if (loss_ == TwoViewLoss::TRUNCATED_SQUARES) {
-      total_ += is_inlier ? sq_error : max_sq_error_;
-      return is_inlier ? 1 : 0;
-    }
-    product_ *= is_inlier ? 1 + ratio : 2;
-    if (product_ > kMaxProduct) {
-      total_ += max_sq_error_ * std::log(product_);
-      product_ = 1;
-    }
-    return is_inlier ? 1 / (1 + ratio) : 0;
+// Adds equations by parameters on which those of the model depend by `chain`.
+template <int kSize>
+void AddChained(const LaneEquations<kSize>& equations,
+                const Eigen::Matrix<double, kSize, kNumTwoViewParams>& chain,
+                NormalEquations* normal) {
+  Eigen::Matrix<double, kSize, kSize> matrix;
+  Eigen::Matrix<double, kSize, 1> gradient;
+  const Lanes* entry = equations.matrix;
+  for (int i = 0; i < kSize; ++i) {
+    gradient(i) = Sum(equations.gradient[i]);
+    for (int j = 0; j <= i; ++j) matrix(i, j) = matrix(j, i) = Sum(*entry++);
   }
-
-  double Total() const { return total_ + max_sq_error_ * std::log(product_); }
-
- private:
-  // Far enough from the largest number for one more factor.
-  static constexpr double kMaxProduct = 1e100;
-
-  const TwoViewLoss loss_;
-  const double max_sq_error_;
-  double total_ = 0;
-  double product_ = 1;
-};
+  normal->matrix.topLeftCorner<kNumTwoViewParams, kNumTwoViewParams>() +=
+      chain.transpose().lazyProduct(matrix.lazyProduct(chain).eval());
+  normal->gradient.head<kNumTwoViewParams>() += chain.transpose() * gradient;
+}
 
 }  // namespace
 
 TwoViewCostFunction::TwoViewCostFunction(const TwoViewData& data,
                                          const TwoViewCostOptions& options)
-    : data_(data),
-      options_(options),
-      inverse_stddev_(1 / options.stddev_px),
-      max_sq_epipolar_(Square(options.max_epipolar_error_px * inverse_stddev_)),
-      max_sq_depth_(Square(options.max_depth_residual)),
-      reprojection_weight_(options.max_epipolar_error_px * inverse_stddev_ /
-                           options.max_reprojection_error_px) {
-  if (!HasFields()) return;
-  for (const TwoViewMatch& match : data) {
-    basis1_.push_back(
-        EvaluateDepthFieldBasis(match.x1 / options.depth_field_unit1_px));
-    basis2_.push_back(
-        EvaluateDepthFieldBasis(match.x2 / options.depth_field_unit2_px));
+    : options_(options), matches_(CreateMatchLanes(data)) {
+  epipolar_loss_ = {options.loss,
+                    Square(options.max_epipolar_error_px / options.stddev_px)};
+  switch (options.depth_term) {
+    case DepthTerm::NONE:
+      break;
+    case DepthTerm::WHITENED:
+      depth_loss_ = {options.loss, Square(options.max_depth_residual)};
+      whitening_.stddev_px = options.stddev_px;
+      whitening_.log_depth_stddev = options.log_depth_stddev;
+      if (HasFields()) {
+        whitening_.field_unit1_px = options.depth_field_unit1_px;
+        whitening_.field_unit2_px = options.depth_field_unit2_px;
+      }
+      whitenings_.resize(matches_.size());
+      break;
+    case DepthTerm::REPROJECTION:
+      depth_loss_ = epipolar_loss_;
+      TwoViewData swapped;
+      for (const TwoViewMatch& match : data) swapped.push_back(match.Swapped());
+      swapped_matches_ = CreateMatchLanes(swapped);
+      break;
   }
 }
 
@@ -106,7 +83,8 @@ TwoViewCost TwoViewCostFunction::Evaluate(const TwoViewModel& model,
 
 TwoViewCost TwoViewCostFunction::EvaluateDepth(const TwoViewModel& model) {
   TwoViewCost cost;
-  AddWhitened(model, DepthFields::Zero(), /*whiten=*/true, &cost, nullptr);
+  AddWhitened<kNumTwoViewParams>(
+      model, DepthFields::Zero(), /*whiten=*/true, &cost, nullptr);
   return cost;
 }
 
@@ -117,7 +95,12 @@ TwoViewCost TwoViewCostFunction::Sum(const TwoViewModel& model,
   AddEpipolar(model, &cost, normal);
   if (options_.depth_term == DepthTerm::WHITENED) {
     // Costs compare only under one whitening: that of the linearisation.
-    AddWhitened(model, fields, /*whiten=*/normal != nullptr, &cost, normal);
+    const bool whiten = normal != nullptr;
+    if (HasFields()) {
+      AddWhitened<kNumCostParams>(model, fields, whiten, &cost, normal);
+    } else {
+      AddWhitened<kNumTwoViewParams>(model, fields, whiten, &cost, normal);
+    }
   } else if (options_.depth_term == DepthTerm::REPROJECTION) {
     AddReprojection(model, &cost, normal);
   }
@@ -125,183 +108,60 @@ TwoViewCost TwoViewCostFunction::Sum(const TwoViewModel& model,
   return cost;
 }
 
-Eigen::Vector2d TwoViewCostFunction::Whitening::operator()(
-    const Transfer& transfer) const {
-  const double along = direction.dot(transfer.error_px);
-  return {w11 * along, w21 * along + w22 * transfer.log_depth_ratio};
-}
-
-TwoViewCostFunction::Whitening TwoViewCostFunction::WhitenAt(
-    const TwoViewModel& model,
-    const Eigen::Matrix3d& F,
-    const Transfer& transfer,
-    const TwoViewMatch& match) const {
-  // How the transferred point and the log of its depth move with the log of the
-  // depth in map 1.
-  const double inverse_z = 1 / transfer.point.z();
-  const double log_z_slope = transfer.ray.z() * inverse_z;
-  const Eigen::Vector2d shift =
-      model.focal2 * inverse_z *
-      (transfer.ray.head<2>() - transfer.point.head<2>() * log_z_slope);
-  const Eigen::Vector2d line =
-      F.topLeftCorner<2, 2>() * match.x1 + F.block<2, 1>(0, 2);
-  const double length = line.norm();
-  Whitening whitening;
-  // Without translation there is no line and every direction is as good.
-  whitening.direction =
-      length > 0 ? Eigen::Vector2d(line.y() / length, -line.x() / length)
-                 : Eigen::Vector2d::UnitX();
-  whitening.shift = whitening.direction.dot(shift);
-  whitening.slope = log_z_slope;
-  const double shift_stddev = whitening.shift * options_.log_depth_stddev;
-  const double slope_stddev = log_z_slope * options_.log_depth_stddev;
-  // Cholesky factor of the 2 x 2 covariance, whose second variance is at least
-  // that of map 2: rounding must not make it less.
-  const double l11 = std::sqrt(match.Variance() * Square(options_.stddev_px) +
-                               Square(shift_stddev));
-  const double l21 = shift_stddev * slope_stddev / l11;
-  const double l22 =
-      std::sqrt(std::max(Square(slope_stddev) - Square(l21), 0.0) +
-                Square(options_.log_depth_stddev));
-  whitening.w11 = 1 / l11;
-  whitening.w22 = 1 / l22;
-  whitening.w21 = -l21 * whitening.w11 * whitening.w22;
-  return whitening;
-}
-
 void TwoViewCostFunction::AddEpipolar(const TwoViewModel& model,
                                       TwoViewCost* cost,
                                       NormalEquations* normal) const {
-  const Eigen::Matrix3d F = model.FundamentalMatrix();
   // Summed over the entries of F, then chained to the parameters once.
-  Eigen::Matrix<double, 9, 9> matrix = Eigen::Matrix<double, 9, 9>::Zero();
-  Eigen::Matrix<double, 9, 1> gradient = Eigen::Matrix<double, 9, 1>::Zero();
-  Eigen::Matrix<double, 9, 1> row;
-  Eigen::Matrix3d slope;
-  const double sq_inverse_stddev = Square(inverse_stddev_);
-  LossSum sum(options_.loss, max_sq_epipolar_);
-  for (const TwoViewMatch& match : data_) {
-    const double error = match.Sampson(F, normal ? &slope : nullptr);
-    double weight = sum.Add(Square(error) * sq_inverse_stddev);
-    if (!normal || weight == 0) continue;
-    weight *= sq_inverse_stddev;
-    row = Eigen::Map<const Eigen::Matrix<double, 9, 1>>(slope.data());
-    AddLowerProduct(row, Eigen::Matrix<double, 9, 1>(weight * row), &matrix);
-    gradient += (weight * error) * row;
-  }
-  cost->epipolar += sum.Total();
-  if (!normal) return;
-  const auto chain = FundamentalMatrixJacobian(model);
-  matrix.triangularView<Eigen::StrictlyUpper>() = matrix.transpose();
-  normal->matrix.topLeftCorner<kNumTwoViewParams, kNumTwoViewParams>() +=
-      chain.transpose().lazyProduct(matrix.lazyProduct(chain).eval());
-  normal->gradient.head<kNumTwoViewParams>() += chain.transpose() * gradient;
+  LaneEquations<9> equations;
+  cost->epipolar += SumSampsonErrors(matches_,
+                                     model,
+                                     options_.stddev_px,
+                                     epipolar_loss_,
+                                     normal ? &equations : nullptr);
+  if (normal) AddChained(equations, FundamentalMatrixJacobian(model), normal);
 }
 
-bool TwoViewCostFunction::Forward(const TwoViewModel& model,
-                                  const DepthFields& fields,
-                                  int i,
-                                  Transfer* transfer) const {
-  const TwoViewMatch& match = data_[i];
-  if (!HasFields()) return match.Forward(model, transfer);
-  return TransferMatch(
-      model,
-      match.x1,
-      match.depth1 *
-          std::exp(-basis1_[i].dot(fields.head<kNumDepthFieldTerms>())),
-      match.x2,
-      match.depth2 *
-          std::exp(-basis2_[i].dot(fields.tail<kNumDepthFieldTerms>())),
-      transfer);
-}
-
+template <int kSize>
 void TwoViewCostFunction::AddWhitened(const TwoViewModel& model,
                                       const DepthFields& fields,
                                       bool whiten,
                                       TwoViewCost* cost,
                                       NormalEquations* normal) {
-  const Eigen::Matrix3d F = model.FundamentalMatrix();
-  if (whiten) whitenings_.assign(data_.size(), Whitening());
-  LossSum sum(options_.loss, max_sq_depth_);
-  for (size_t i = 0; i < data_.size(); ++i) {
-    if (!data_[i].HasDepths()) continue;
-    Transfer transfer;
-    const bool in_front = Forward(model, fields, i, &transfer);
-    if (whiten && in_front) {
-      whitenings_[i] = WhitenAt(model, F, transfer, data_[i]);
-    }
-    // Twice the truncation is an outlier under every loss.
-    if (!in_front || whitenings_[i].w11 == 0) {
-      sum.Add(2 * max_sq_depth_);
-      continue;
-    }
-    const double weight = sum.Add(whitenings_[i](transfer).squaredNorm());
-    if (weight == 0) continue;
-    ++cost->num_depth_inliers;
-    if (normal) AddWhitenedRows(i, model, transfer, weight, normal);
-  }
-  cost->depth += sum.Total();
-}
-
-void TwoViewCostFunction::AddWhitenedRows(int i,
-                                          const TwoViewModel& model,
-                                          const Transfer& transfer,
-                                          double weight,
-                                          NormalEquations* normal) const {
-  const Whitening& whitening = whitenings_[i];
-  const Eigen::Vector2d residual = whitening(transfer);
-  const TwoViewStep row1 =
-      TransferGradient(model, transfer, whitening.w11 * whitening.direction, 0);
-  const TwoViewStep row2 = TransferGradient(
-      model, transfer, whitening.w21 * whitening.direction, whitening.w22);
-  if (!HasFields()) {
-    AddRow(row1, residual(0), weight, normal);
-    AddRow(row2, residual(1), weight, normal);
-    return;
-  }
-  // The field of map 1 moves the transferred point, that of map 2 the depth it
-  // is compared with.
-  const double slope1 = -whitening.w11 * whitening.shift;
-  const double slope2 =
-      -(whitening.w21 * whitening.shift + whitening.w22 * whitening.slope);
-  Eigen::Matrix<double, kNumCostParams, 1> row;
-  row << row1, slope1 * basis1_[i], DepthFieldBasis::Zero();
-  AddRow(row, residual(0), weight, normal);
-  row << row2, slope2 * basis1_[i], whitening.w22 * basis2_[i];
-  AddRow(row, residual(1), weight, normal);
+  LaneEquations<kSize> equations;
+  const DepthSum sum = SumWhitenedErrors(matches_,
+                                         model,
+                                         fields,
+                                         whitening_,
+                                         depth_loss_,
+                                         whiten,
+                                         &whitenings_,
+                                         normal ? &equations : nullptr);
+  cost->depth += sum.cost;
+  cost->num_depth_inliers += sum.num_inliers;
+  if (normal) Add(equations, normal);
 }
 
 void TwoViewCostFunction::AddReprojection(const TwoViewModel& model,
                                           TwoViewCost* cost,
                                           NormalEquations* normal) const {
-  LossSum sum(options_.loss, max_sq_epipolar_);
+  const double weight_per_px =
+      options_.max_epipolar_error_px /
+      (options_.stddev_px * options_.max_reprojection_error_px);
   for (const bool forward : {true, false}) {
-    const TwoViewModel from_to = forward ? model : model.Inverse();
+    LaneEquations<kNumTwoViewParams> equations;
+    const DepthSum sum =
+        SumTransferErrors(forward ? matches_ : swapped_matches_,
+                          forward ? model : model.Inverse(),
+                          weight_per_px,
+                          depth_loss_,
+                          normal ? &equations : nullptr);
+    cost->depth += sum.cost;
+    cost->num_depth_inliers += sum.num_inliers;
+    if (!normal) continue;
     const TwoViewMatrix chain =
         forward ? TwoViewMatrix::Identity() : InverseJacobian(model);
-    for (const TwoViewMatch& match : data_) {
-      Transfer transfer;
-      if (!match.HasDepths() ||
-          !(forward ? match : match.Swapped()).Forward(from_to, &transfer)) {
-        continue;
-      }
-      const Eigen::Vector2d residual = reprojection_weight_ * transfer.error_px;
-      const double weight = sum.Add(residual.squaredNorm());
-      if (weight == 0) continue;
-      ++cost->num_depth_inliers;
-      if (!normal) continue;
-      for (int k = 0; k < 2; ++k) {
-        const TwoViewStep row =
-            chain.transpose() *
-            TransferGradient(from_to,
-                             transfer,
-                             reprojection_weight_ * Eigen::Vector2d::Unit(k),
-                             0);
-        AddRow(row, residual(k), weight, normal);
-      }
-    }
+    AddChained(equations, chain, normal);
   }
-  cost->depth += sum.Total();
 }
 
 void TwoViewCostFunction::AddPriors(const TwoViewModel& model,

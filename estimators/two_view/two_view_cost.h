@@ -7,7 +7,7 @@
 #include "estimators/two_view/two_view_data.h"
 #include "estimators/two_view/two_view_depth_field.h"
 #include "estimators/two_view/two_view_model.h"
-#include "estimators/two_view/two_view_residuals.h"
+#include "estimators/two_view/two_view_sums.h"
 
 #include <vector>
 
@@ -31,14 +31,6 @@ enum class DepthTerm {
   // max_reprojection_error_px [RePoseD]. Points behind the cameras cost
   // nothing.
   REPROJECTION,
-};
-
-enum class TwoViewLoss {
-  TRUNCATED_SQUARES,
-  // Cauchy's loss up to the truncation, constant beyond.
-  TRUNCATED_CAUCHY,
-  // Cauchy's loss with the truncation as its scale.
-  CAUCHY,
 };
 
 // Sum over matches, of
@@ -80,15 +72,12 @@ struct TwoViewCost {
   double Total() const { return epipolar + depth + prior; }
 };
 
-// The parameters of the model, then those of the depth fields.
-constexpr int kNumCostParams = kNumTwoViewParams + 2 * kNumDepthFieldTerms;
-
 struct NormalEquations {
   Eigen::Matrix<double, kNumCostParams, kNumCostParams> matrix;
   Eigen::Matrix<double, kNumCostParams, 1> gradient;
 };
 
-// Keeps references to its arguments.
+// Keeps a reference to the options.
 class TwoViewCostFunction {
  public:
   TwoViewCostFunction(const TwoViewData& data,
@@ -107,22 +96,6 @@ class TwoViewCostFunction {
   bool HasFields() const { return options_.depth_field_stddev > 0; }
 
  private:
-  // Turns a transfer into the whitened residual (L^-1 r for L L^T = its
-  // covariance).
-  struct Whitening {
-    // Direction of the epipolar line; zero if the point cannot be transferred.
-    Eigen::Vector2d direction = Eigen::Vector2d::Zero();
-    double w11 = 0;
-    double w21 = 0;
-    double w22 = 0;
-    // Derivatives of the part along the line [px] and of the log of the
-    // transferred depth by the log depth.
-    double shift = 0;
-    double slope = 0;
-
-    Eigen::Vector2d operator()(const Transfer& transfer) const;
-  };
-
   TwoViewCost Sum(const TwoViewModel& model,
                   const DepthFields& fields,
                   NormalEquations* normal);
@@ -130,24 +103,12 @@ class TwoViewCostFunction {
                    TwoViewCost* cost,
                    NormalEquations* normal) const;
   // With `whiten`, whitens the residuals at this model first.
+  template <int kSize>
   void AddWhitened(const TwoViewModel& model,
                    const DepthFields& fields,
                    bool whiten,
                    TwoViewCost* cost,
                    NormalEquations* normal);
-  Whitening WhitenAt(const TwoViewModel& model,
-                     const Eigen::Matrix3d& F,
-                     const Transfer& transfer,
-                     const TwoViewMatch& match) const;
-  bool Forward(const TwoViewModel& model,
-               const DepthFields& fields,
-               int i,
-               Transfer* transfer) const;
-  void AddWhitenedRows(int i,
-                       const TwoViewModel& model,
-                       const Transfer& transfer,
-                       double weight,
-                       NormalEquations* normal) const;
   void AddReprojection(const TwoViewModel& model,
                        TwoViewCost* cost,
                        NormalEquations* normal) const;
@@ -156,15 +117,13 @@ class TwoViewCostFunction {
                  TwoViewCost* cost,
                  NormalEquations* normal) const;
 
-  const TwoViewData& data_;
   const TwoViewCostOptions& options_;
-  const double inverse_stddev_;
-  const double max_sq_epipolar_;
-  const double max_sq_depth_;
-  const double reprojection_weight_;
-  std::vector<Whitening> whitenings_;
-  // At the points of each match, if there are depth fields.
-  std::vector<DepthFieldBasis> basis1_, basis2_;
+  const std::vector<MatchLanes> matches_;
+  // The matches seen from image 2, for DepthTerm::REPROJECTION.
+  std::vector<MatchLanes> swapped_matches_;
+  TwoViewLossOptions epipolar_loss_, depth_loss_;
+  WhiteningOptions whitening_ = {};
+  std::vector<WhiteningLanes> whitenings_;
 };
 
 }  // namespace dgsfm

@@ -23,16 +23,8 @@ struct TwoViewMatch {
 
   bool HasDepths() const { return depth1 > 0; }
 
-  // Sum of the variances of the two points per coordinate, in the mean over all
-  // directions.
-  double Variance() const {
-    return 0.5 *
-           (covariance1(0) + covariance1(2) + covariance2(0) + covariance2(2));
-  }
-
-  double Sampson(const Eigen::Matrix3d& F,
-                 Eigen::Matrix3d* gradient = nullptr) const {
-    return SampsonError(F, x1, x2, covariance1, covariance2, gradient);
+  double Sampson(const Eigen::Matrix3d& F) const {
+    return SampsonError(F, x1, x2, covariance1, covariance2);
   }
 
   bool Forward(const TwoViewModel& model, Transfer* transfer) const {

@@ -1,5 +1,7 @@
 #include "estimators/two_view/two_view_degeneracy.h"
 
+#include "estimators/two_view/two_view_lanes.h"
+
 #include <array>
 #include <numeric>
 #include <utility>
@@ -33,9 +35,37 @@ std::vector<int> FittingMatches(const TwoViewData& data,
   return fitting;
 }
 
-bool IsMost(const std::vector<int>& fitting, const TwoViewData& data) {
+bool IsMost(size_t num_fitting, const TwoViewData& data) {
   return !data.empty() &&
-         static_cast<double>(fitting.size()) >= kMinShare * data.size();
+         static_cast<double>(num_fitting) >= kMinShare * data.size();
+}
+
+bool IsMost(const std::vector<int>& fitting, const TwoViewData& data) {
+  return IsMost(fitting.size(), data);
+}
+
+// Number of matches with |H x1 - x2| below the bound, as FittingMatches has
+// them.
+DGSFM_TARGET_CLONES
+int CountFitting(const std::vector<MatchLanes>& matches,
+                 const Eigen::Matrix3d& H,
+                 double max_error_px) {
+  const double* h = H.data();
+  const double max_sq_error = max_error_px * max_error_px;
+  Lanes num_fitting = {};
+  for (const MatchLanes& match : matches) {
+    Lanes point[3];
+    for (int k = 0; k < 3; ++k) {
+      point[k] = h[k] * match.x1[0] + h[3 + k] * match.x1[1] + h[6 + k];
+    }
+    const Lanes x_error = point[0] - point[2] * match.x2[0];
+    const Lanes y_error = point[1] - point[2] * match.x2[1];
+    num_fitting += x_error * x_error + y_error * y_error <
+                           max_sq_error * point[2] * point[2]
+                       ? match.is_match
+                       : Lanes{};
+  }
+  return static_cast<int>(Sum(num_fitting));
 }
 
 // Maps the four unit vectors e1, e2, e3, (1, 1, 1) to the points.
@@ -97,9 +127,11 @@ bool IsPlanar(const TwoViewData& inliers,
               SplitMix64* random) {
   constexpr int kNumTrials = 100;
   if (inliers.size() < kMinNumInliers) return false;
-  std::vector<int> best;
+  const std::vector<MatchLanes> matches = CreateMatchLanes(inliers);
+  int best_num_fitting = 0;
   Eigen::Matrix3d best_H = Eigen::Matrix3d::Identity();
-  for (int trial = 0; trial < kNumTrials && !IsMost(best, inliers); ++trial) {
+  for (int trial = 0; trial < kNumTrials && !IsMost(best_num_fitting, inliers);
+       ++trial) {
     std::array<Eigen::Vector2d, 4> points1, points2;
     for (int k = 0; k < 4; ++k) {
       const int i = random->Below(static_cast<int>(inliers.size()));
@@ -109,11 +141,12 @@ bool IsPlanar(const TwoViewData& inliers,
     // Repeated matches make it singular, and nothing fits.
     const Eigen::Matrix3d H =
         ProjectiveBasis(points2) * ProjectiveBasis(points1).inverse();
-    std::vector<int> fitting = FittingMatches(inliers, H, max_error_px);
-    if (fitting.size() <= best.size()) continue;
-    best = std::move(fitting);
+    const int num_fitting = CountFitting(matches, H, max_error_px);
+    if (num_fitting <= best_num_fitting) continue;
+    best_num_fitting = num_fitting;
     best_H = H;
   }
+  std::vector<int> best = FittingMatches(inliers, best_H, max_error_px);
   for (int k = 0; k < kNumRefinements && best.size() >= kMinNumInliers; ++k) {
     if (IsMost(best, inliers)) return true;
     best_H /= best_H(2, 2);

@@ -148,13 +148,13 @@ TwoViewModel PoseInFront(const Eigen::Matrix3d& F,
                          double focal2,
                          const TwoViewData& data,
                          double max_error_px) {
+  // Enough to tell the poses apart.
+  constexpr size_t kMaxNumMatches = 100;
   TwoViewData fitting;
-  std::copy_if(data.begin(),
-               data.end(),
-               std::back_inserter(fitting),
-               [&](const TwoViewMatch& match) {
-                 return std::abs(match.Sampson(F)) < max_error_px;
-               });
+  for (const TwoViewMatch& match : data) {
+    if (fitting.size() == kMaxNumMatches) break;
+    if (std::abs(match.Sampson(F)) < max_error_px) fitting.push_back(match);
+  }
   // The other three poses have the scene behind a camera.
   const EssentialPoses poses = DecomposeEssentialMatrix(
       Eigen::Vector3d(focal2, focal2, 1).asDiagonal() * F *

@@ -146,16 +146,7 @@ std::vector<int> TwoViewProblem::Active(const TwoViewModel& model,
 }
 
 std::vector<int> TwoViewProblem::Inliers(const TwoViewModel& model) const {
-  const Cheirality is_in_front(model, options_.max_epipolar_error_px);
-  std::vector<int> inliers = Near(
-      model, options_.max_epipolar_error_px, static_cast<int>(data_.size()));
-  inliers.erase(std::remove_if(inliers.begin(),
-                               inliers.end(),
-                               [&](int i) {
-                                 return !is_in_front(data_[i].x1, data_[i].x2);
-                               }),
-                inliers.end());
-  return inliers;
+  return scorer_.Inliers(model, static_cast<int>(data_.size()));
 }
 
 bool TwoViewProblem::DepthsAreEvidence(const TwoViewModel& model) const {
@@ -167,13 +158,14 @@ bool TwoViewProblem::DepthsAreEvidence(const TwoViewModel& model) const {
          DepthNoise(log_ratios) < kMaxNoise;
 }
 
-bool TwoViewProblem::AttachScale(TwoViewModel* model) const {
+bool TwoViewProblem::AttachScale(TwoViewModel* model,
+                                 int max_num_matches) const {
   // Points with a smaller angle between their rays have no depth of their own.
   constexpr double kMinAngleRad = 0.6 * M_PI / 180;
   // Larger spreads of the ratios give no scale.
   constexpr double kMaxLogStddev = 0.75;
   std::vector<double> log_ratios1, log_ratios2;
-  for (const int i : Inliers(*model)) {
+  for (const int i : scorer_.Inliers(*model, max_num_matches)) {
     const TwoViewMatch& match = data_[i];
     if (!match.HasDepths()) continue;
     const auto intersection = IntersectRays(*model, match.x1, match.x2);

@@ -43,7 +43,7 @@ class TwoViewProblem {
   TwoViewProblem(const TwoViewDepthInput& input,
                  const TwoViewDepthOptions& options,
                  SplitMix64* random);
-  // The scorer refers to the data.
+  // Searches refer to the data.
   TwoViewProblem(const TwoViewProblem&) = delete;
   TwoViewProblem& operator=(const TwoViewProblem&) = delete;
 
@@ -84,8 +84,9 @@ class TwoViewProblem {
 
   // Scales a model without depth by the medians of its triangulated depths
   // over those of the maps. False, and the model as it was, if they are few or
-  // disagree.
-  bool AttachScale(TwoViewModel* model) const;
+  // disagree. The first `max_num_matches` inliers decide.
+  bool AttachScale(TwoViewModel* model,
+                   int max_num_matches = std::numeric_limits<int>::max()) const;
 
  private:
   const TwoViewDepthOptions& options_;

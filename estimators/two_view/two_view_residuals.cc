@@ -3,14 +3,6 @@
 #include <cmath>
 
 namespace dgsfm {
-namespace {
-
-// Points nearer to the camera plane than this share (squared) of their
-// distance are behind for our purposes: their projections are beyond any image.
-constexpr double kMinSqDepthRatio = 1e-6;
-
-}  // namespace
-
 TwoViewModel Retract(const TwoViewModel& model, const TwoViewStep& step) {
   TwoViewModel moved = model;
   const Eigen::Vector3d w = step.head<3>();
@@ -71,30 +63,6 @@ bool TransferMatch(const TwoViewModel& model,
   transfer->log_depth_ratio =
       depth2 > 0 ? std::log(z / (model.scale * depth2)) : 0;
   return true;
-}
-
-TwoViewStep TransferGradient(const TwoViewModel& model,
-                             const Transfer& transfer,
-                             const Eigen::Vector2d& pixel_weights,
-                             double log_depth_weight) {
-  const double inverse_z = 1 / transfer.point.z();
-  const double pixels_per_unit = model.focal2 * inverse_z;
-  const double by_focal2 =
-      pixels_per_unit * pixel_weights.dot(transfer.point.head<2>());
-  const Eigen::Vector3d by_point(pixels_per_unit * pixel_weights.x(),
-                                 pixels_per_unit * pixel_weights.y(),
-                                 (log_depth_weight - by_focal2) * inverse_z);
-  TwoViewStep gradient;
-  gradient.head<3>() = transfer.ray.cross(by_point);
-  gradient.segment<3>(3) = by_point;
-  gradient(kLogScaleParam) = -log_depth_weight;
-  // The focal length moves the ray but for its part along the optical axis of
-  // view 1, whose length is the depth.
-  const Eigen::Vector3d axis1 = model.rotation.col(2);
-  gradient(kLogFocal1Param) = axis1.dot(transfer.ray) * axis1.dot(by_point) -
-                              transfer.ray.dot(by_point);
-  gradient(kLogFocal2Param) = by_focal2;
-  return gradient;
 }
 
 TwoViewMatrix InverseJacobian(const TwoViewModel& model) {

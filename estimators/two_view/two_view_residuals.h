@@ -1,4 +1,4 @@
-// Residuals of one match under a TwoViewModel, with analytic derivatives.
+// Residuals of one match under a TwoViewModel, and derivatives of the model.
 //
 // Local parameters of a model, in this order: rotation w (R <- exp(w) R),
 // translation, log scale, log focal length 1, log focal length 2. Logarithms
@@ -34,6 +34,10 @@ TwoViewModel Retract(const TwoViewModel& model, const TwoViewStep& step);
 Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
     const TwoViewModel& model);
 
+// Points nearer to the camera plane than this share (squared) of their
+// distance are behind for our purposes: their projections are beyond any image.
+constexpr double kMinSqDepthRatio = 1e-6;
+
 // Covariance (xx, xy, yy) of an image point for unit noise in its image.
 using PointCovariance = Eigen::Vector3d;
 
@@ -49,41 +53,24 @@ inline PointCovariance UndistortedCovariance(
 }
 
 // Sampson error [px of the images] of (x1, x2), zero where its gradient
-// vanishes (at both epipoles). With `gradient`, its derivative with respect to
-// the entries of F.
+// vanishes (at both epipoles).
 inline double SampsonError(
     const Eigen::Matrix3d& F,
     const Eigen::Vector2d& x1,
     const Eigen::Vector2d& x2,
     const PointCovariance& covariance1 = UnitPointCovariance(),
-    const PointCovariance& covariance2 = UnitPointCovariance(),
-    Eigen::Matrix3d* gradient = nullptr) {
+    const PointCovariance& covariance2 = UnitPointCovariance()) {
   const Eigen::Vector3d p = x1.homogeneous();
   const Eigen::Vector3d q = x2.homogeneous();
   const Eigen::Vector3d line2 = F * p;
   const Eigen::Vector2d line1 = F.leftCols<2>().transpose() * q;
   const double value = q.dot(line2);
-  const auto times = [](const PointCovariance& c, double x, double y) {
-    return Eigen::Vector3d(c(0) * x + c(1) * y, c(1) * x + c(2) * y, 0);
+  const auto sq_norm = [](const PointCovariance& c, double x, double y) {
+    return c(0) * x * x + 2 * c(1) * x * y + c(2) * y * y;
   };
-  const Eigen::Vector3d a = times(covariance2, line2.x(), line2.y());
-  const Eigen::Vector3d b = times(covariance1, line1.x(), line1.y());
-  const double sq_norm = a.x() * line2.x() + a.y() * line2.y() +
-                         b.x() * line1.x() + b.y() * line1.y();
-  if (!(sq_norm > 0)) {
-    if (gradient) gradient->setZero();
-    return 0;
-  }
-  const double inverse_norm = 1 / std::sqrt(sq_norm);
-  if (gradient) {
-    const double ratio = value / sq_norm;
-    const Eigen::Vector3d left = inverse_norm * (q - ratio * a);
-    const Eigen::Vector3d right = (inverse_norm * ratio) * b;
-    for (int k = 0; k < 3; ++k) {
-      gradient->col(k) = p(k) * left - right(k) * q;
-    }
-  }
-  return value * inverse_norm;
+  const double sum = sq_norm(covariance2, line2.x(), line2.y()) +
+                     sq_norm(covariance1, line1.x(), line1.y());
+  return sum > 0 ? value / std::sqrt(sum) : 0;
 }
 
 // A point of view 1 with depth, seen from view 2.
@@ -107,14 +94,6 @@ bool TransferMatch(const TwoViewModel& model,
                    const Eigen::Vector2d& x2,
                    double depth2,
                    Transfer* transfer);
-
-// Derivative of
-//   pixel_weights . error_px + log_depth_weight * log_depth_ratio
-// with respect to the local parameters, for a matched point with known depth.
-TwoViewStep TransferGradient(const TwoViewModel& model,
-                             const Transfer& transfer,
-                             const Eigen::Vector2d& pixel_weights,
-                             double log_depth_weight);
 
 // Derivative of the local parameters of model.Inverse() with respect to those
 // of the model.

@@ -176,10 +176,13 @@ void Search::OptimizeBest(Stream* stream) {
 }
 
 void Search::OptimizeWithoutDepth(const TwoViewModel& model) {
+  // Enough for a start.
+  constexpr int kMaxNumScaleMatches = 300;
   const TwoViewCandidate candidate = Optimize(model, FROM_POINTS, false);
   Keep(candidate);
   TwoViewModel scaled = candidate.model;
-  if (problem_.NumDepthMatches() > 0 && problem_.AttachScale(&scaled)) {
+  if (problem_.NumDepthMatches() > 0 &&
+      problem_.AttachScale(&scaled, kMaxNumScaleMatches)) {
     Keep(Optimize(scaled, ATTACHED, true));
   }
 }
