@@ -166,6 +166,13 @@ void BindSize(GlobalDepthMapperOptions* options,
                        &tracks.max_num_observations_per_image,
                        "points of a model that an image sees, the most "
                        "informative ones, which bounds the memory; 0 = all");
+  command_options->Add("max_num_start_observations_per_image",
+                       &tracks.max_num_start_observations_per_image,
+                       "points of a model of many images that an image sees "
+                       "until the model is completed; 0 = all");
+  command_options->Add("min_num_images_to_bound_start",
+                       &tracks.min_num_images_to_bound_start,
+                       "images from which on a model is one of many images");
   command_options->Add("memory_limit_gb",
                        &options->memory_limit_gb,
                        "memory that the mapping may take: if it is predicted "

@@ -15,19 +15,42 @@ namespace {
 
 constexpr int kPose = 6;
 
-// Moves a pose by the step of the columns that have one.
+// Moves a pose (R, t) to (exp(w) R, exp(w) (t - p) + p + d) by the step of the
+// columns that have one, w and d.
 template <typename Columns>
 void MovePose(const Columns& columns,
               const Eigen::VectorXd& column_steps,
+              const Eigen::Vector3d& pivot,
               Rigid3d* pose) {
   Eigen::Matrix<double, kPose, 1> step;
   for (int i = 0; i < kPose; ++i) {
     step(i) = columns[i] < 0 ? 0 : column_steps(columns[i]);
   }
-  pose->rotation =
-      (RotationFromVector(step.head<3>()) * pose->rotation).normalized();
-  pose->translation += step.tail<3>();
+  const Eigen::Quaterniond turn = RotationFromVector(step.head<3>());
+  pose->rotation = (turn * pose->rotation).normalized();
+  pose->translation =
+      turn * (pose->translation - pivot) + pivot + step.tail<3>();
 }
+
+// Mean of points, weighted by the inverse of their distance from the origin.
+class Pivot {
+ public:
+  void Add(const Eigen::Vector3d& point) {
+    const double distance = point.norm();
+    if (!(distance > 0)) return;
+    sum_ += point / distance;
+    weight_ += 1 / distance;
+  }
+
+  Eigen::Vector3d Mean() const {
+    const Eigen::Vector3d mean = sum_ / weight_;
+    return mean.allFinite() ? mean : Eigen::Vector3d::Zero();
+  }
+
+ private:
+  Eigen::Vector3d sum_ = Eigen::Vector3d::Zero();
+  double weight_ = 0;
+};
 
 // The pose of each image is followed by up to kNumShared parameters: those of
 // its camera, and the pose of its sensor where that is refined.
@@ -42,6 +65,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     SortObservations();
     AssignColumns();
     UpdatePoses();
+    SetPivots();
   }
 
   double Cost(int k) const override {
@@ -120,15 +144,22 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     for (size_t i = 0; i < bundle_->images.size(); ++i) {
       BundleImage& image = bundle_->images[i];
       if (image.frame >= 0) continue;
-      MovePose(this->camera_columns[i], column_steps, &image.cam_from_world);
+      MovePose(this->camera_columns[i],
+               column_steps,
+               ImagePivot(i),
+               &image.cam_from_world);
     }
     for (size_t i = 0; i < frame_columns_.size(); ++i) {
-      MovePose(
-          frame_columns_[i], column_steps, &bundle_->frames[i].rig_from_world);
+      MovePose(frame_columns_[i],
+               column_steps,
+               FramePivot(i),
+               &bundle_->frames[i].rig_from_world);
     }
     for (size_t i = 0; i < sensor_columns_.size(); ++i) {
-      MovePose(
-          sensor_columns_[i], column_steps, &bundle_->sensors[i].cam_from_rig);
+      MovePose(sensor_columns_[i],
+               column_steps,
+               bundle_->sensors[i].cam_from_rig.translation,
+               &bundle_->sensors[i].cam_from_rig);
     }
     for (size_t i = 0; i < bundle_->cameras.size(); ++i) {
       for (const int param : bundle_->cameras[i].refined_params) {
@@ -184,7 +215,10 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
         LinearizeFrame(image, rotated, by_point, i, row);
         continue;
       }
-      row->by_camera.template block<3, 1>(0, i) = rotated.cross(by_point);
+      row->by_camera.template block<3, 1>(0, i) =
+          (rotated +
+           (image.cam_from_world.translation - ImagePivot(observation.image)))
+              .cross(by_point);
       row->by_camera.template block<3, 1>(3, i) = by_point;
     }
   }
@@ -198,8 +232,11 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     const Eigen::Quaterniond rig_from_cam =
         sensor.cam_from_rig.rotation.conjugate();
     const Eigen::Vector3d by_point_in_rig = rig_from_cam * by_point;
+    const Eigen::Vector3d offset =
+        bundle_->frames[image.frame].rig_from_world.translation -
+        FramePivot(image.frame);
     row->by_camera.template block<3, 1>(0, residual) =
-        (rig_from_cam * rotated).cross(by_point_in_rig);
+        (rig_from_cam * rotated + offset).cross(by_point_in_rig);
     row->by_camera.template block<3, 1>(3, residual) = by_point_in_rig;
     if (!sensor.is_refined) return;
     const Eigen::Vector3d rotated_by_sensor = rotated +
@@ -219,14 +256,16 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     const BundleImage& image = bundle_->images[index];
     std::array<int, 2 * kPose> columns;
     std::copy_n(this->camera_columns[index].begin(), kPose, columns.begin());
-    Eigen::Matrix3Xd by_columns = CenterByPose(image.cam_from_world);
+    Eigen::Matrix3Xd by_columns =
+        CenterByPose(image.cam_from_world, ImagePivot(index));
     if (image.frame >= 0) {
       const PoseColumns& sensor_columns = sensor_columns_[image.sensor];
       std::copy(sensor_columns.begin(),
                 sensor_columns.end(),
                 columns.begin() + kPose);
       by_columns = CenterByPoses(bundle_->sensors[image.sensor].cam_from_rig,
-                                 bundle_->frames[image.frame].rig_from_world);
+                                 bundle_->frames[image.frame].rig_from_world,
+                                 FramePivot(image.frame));
     }
     LinearizeCenterPrior(bundle_->center_priors[index],
                          bundle_->center_prior_weight,
@@ -347,6 +386,45 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     }
   }
 
+  // What a pose turns about. Where a part of the translation is constant, and
+  // by default, this is the translation, which a turn then leaves as it is.
+  Eigen::Vector3d ImagePivot(size_t i) const {
+    const BundleImage& image = bundle_->images[i];
+    return TurnsAboutPoints(image.is_constant)
+               ? image_pivots_[i]
+               : image.cam_from_world.translation;
+  }
+
+  Eigen::Vector3d FramePivot(size_t i) const {
+    const BundleFrame& frame = bundle_->frames[i];
+    return TurnsAboutPoints(frame.is_constant)
+               ? frame_pivots_[i]
+               : frame.rig_from_world.translation;
+  }
+
+  bool TurnsAboutPoints(const std::array<bool, kPose>& is_constant) const {
+    return bundle_->turn_about_points &&
+           std::none_of(is_constant.begin() + 3,
+                        is_constant.end(),
+                        [](bool constant) { return constant; });
+  }
+
+  void SetPivots() {
+    if (!bundle_->turn_about_points) return;
+    std::vector<Pivot> images(bundle_->images.size());
+    std::vector<Pivot> frames(bundle_->frames.size());
+    for (const BundleObservation& observation : bundle_->observations) {
+      const BundleImage& image = bundle_->images[observation.image];
+      const Eigen::Vector3d& point = bundle_->points[observation.point];
+      images[observation.image].Add(image.cam_from_world * point);
+      if (image.frame < 0) continue;
+      frames[image.frame].Add(bundle_->frames[image.frame].rig_from_world *
+                              point);
+    }
+    for (const Pivot& pivot : images) image_pivots_.push_back(pivot.Mean());
+    for (const Pivot& pivot : frames) frame_pivots_.push_back(pivot.Mean());
+  }
+
   const RobustLoss loss_;
   Bundle* bundle_;
   std::vector<ProjectionFunction> projections_;
@@ -355,6 +433,8 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
   std::vector<PoseColumns> frame_columns_;
   std::vector<PoseColumns> sensor_columns_;
   std::vector<Eigen::Matrix3d> rotations_;
+  std::vector<Eigen::Vector3d> image_pivots_;
+  std::vector<Eigen::Vector3d> frame_pivots_;
   // Before the last step.
   Parameters saved_;
 };

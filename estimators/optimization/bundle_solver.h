@@ -80,13 +80,17 @@ struct Bundle {
   std::vector<CenterPrior> center_priors;
   // What they count [px].
   CenterPriorWeight center_prior_weight;
+  // Whether poses turn about the middle of the points that they see, with near
+  // points in front by the inverse of their distance, instead of the origin of
+  // the world: far from the origin, turns are next to linear then.
+  bool turn_about_points = false;
 };
 
 // Minimises sum_k rho(|x_k - pi(P_k X_k)|^2) / 2 over the poses, points and
 // refined parameters of a bundle, with a loss rho of errors in px. Poses move
-// by cam_from_world = (exp(w) R, t + dt). Images of a frame have cam_from_world
-// = cam_from_rig * rig_from_world, of which the second pose, and the first
-// where it is refined, move in that way instead.
+// by cam_from_world = (exp(w) R, exp(w) (t - p) + p + d). Images of a frame
+// have cam_from_world = cam_from_rig * rig_from_world, of which the second
+// pose, and the first where it is refined, move in that way instead.
 //
 // Each prior adds rho(sum_i ((p_i - mean_i) / stddev_per_px_i)^2) / 2 with the
 // Cauchy loss of its scale. Prior centres add their costs, see

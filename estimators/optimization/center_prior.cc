@@ -49,26 +49,27 @@ void LinearizeCenterPrior(const CenterPrior& prior,
   }
 }
 
-Eigen::Matrix<double, 3, 6> CenterByPose(const Rigid3d& cam_from_world) {
+Eigen::Matrix<double, 3, 6> CenterByPose(const Rigid3d& cam_from_world,
+                                         const Eigen::Vector3d& pivot) {
   const Eigen::Matrix3d world_from_cam =
       cam_from_world.rotation.toRotationMatrix().transpose();
-  // The centre -R^T t moves by -R^T ([t]_x w + dt).
+  // The centre -R^T t moves by -R^T ([p]_x w + d).
   Eigen::Matrix<double, 3, 6> by_pose;
-  by_pose << -world_from_cam * CrossMatrix(cam_from_world.translation),
-      -world_from_cam;
+  by_pose << -world_from_cam * CrossMatrix(pivot), -world_from_cam;
   return by_pose;
 }
 
 Eigen::Matrix<double, 3, 12> CenterByPoses(const Rigid3d& cam_from_rig,
-                                           const Rigid3d& rig_from_world) {
+                                           const Rigid3d& rig_from_world,
+                                           const Eigen::Vector3d& rig_pivot) {
   const Eigen::Matrix3d world_from_rig =
       rig_from_world.rotation.toRotationMatrix().transpose();
   const Eigen::Vector3d center_in_rig = cam_from_rig.TargetOriginInSource();
-  // The centre R^T (c - t) moves by R^T ([c - t]_x w - dt + dc).
+  // The centre R^T (c - t) moves by R^T ([c - p]_x w - d + dc).
   Eigen::Matrix<double, 3, 12> by_poses;
-  by_poses << world_from_rig *
-                  CrossMatrix(center_in_rig - rig_from_world.translation),
-      -world_from_rig, world_from_rig * CenterByPose(cam_from_rig);
+  by_poses << world_from_rig * CrossMatrix(center_in_rig - rig_pivot),
+      -world_from_rig,
+      world_from_rig * CenterByPose(cam_from_rig, cam_from_rig.translation);
   return by_poses;
 }
 

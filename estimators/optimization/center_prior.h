@@ -48,13 +48,16 @@ void LinearizeCenterPrior(const CenterPrior& prior,
                           std::vector<Eigen::Triplet<double>>* hessian,
                           Eigen::VectorXd* gradient);
 
-// The derivative of the centre of a camera by its pose, which moves by
-// (exp(w) R, t + dt).
-Eigen::Matrix<double, 3, 6> CenterByPose(const Rigid3d& cam_from_world);
+// The derivative of the centre of a camera by its pose, which moves to
+// (exp(w) R, exp(w) (t - p) + p + d) with a pivot p.
+Eigen::Matrix<double, 3, 6> CenterByPose(const Rigid3d& cam_from_world,
+                                         const Eigen::Vector3d& pivot);
 
 // That of a camera of a rig, cam_from_world = cam_from_rig * rig_from_world, by
-// the pose of the rig, and by that of the camera in it.
+// the pose of the rig with its pivot, and by that of the camera in it, whose
+// pivot is its translation.
 Eigen::Matrix<double, 3, 12> CenterByPoses(const Rigid3d& cam_from_rig,
-                                           const Rigid3d& rig_from_world);
+                                           const Rigid3d& rig_from_world,
+                                           const Eigen::Vector3d& rig_pivot);
 
 }  // namespace dgsfm

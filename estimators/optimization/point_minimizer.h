@@ -28,6 +28,8 @@ struct PointMinimizerOptions {
   // Whether points that lag behind the cameras are refined by themselves
   // between steps: not where cameras have far to go, whom this would hold back.
   bool refine_points = true;
+  // Smallest ratio of the damping to that of the step before [1].
+  double min_damping_ratio = 1.0 / 3;
   int num_threads = 1;
   // Entries of the factor of the reduced system above which steps come from
   // conjugate gradients.
@@ -128,7 +130,8 @@ class PointMinimizer {
         Reject();
         continue;
       }
-      damping_ *= std::max(1.0 / 3, 1 - std::pow(2 * gain - 1, 3));
+      damping_ *=
+          std::max(options_.min_damping_ratio, 1 - std::pow(2 * gain - 1, 3));
       growth_ = 2;
       const double last_cost = cost;
       cost = new_cost - LinearizeAndRefinePoints(new_cost);

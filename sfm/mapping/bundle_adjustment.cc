@@ -25,6 +25,13 @@ constexpr size_t kMinNumObservationsPerCamera = 50;
 // Observations below which threads cost more than they give.
 constexpr size_t kMinNumObservationsForThreads = 10000;
 
+// Images from which on models are adjusted as those that drift are: by poses
+// that turn about their points, and by steps whose damping falls faster.
+// Drift over thousands of images moves only so. Models of few images come out
+// worse: what they leave open goes further than it should.
+constexpr size_t kMinNumImagesWithDrift = 2000;
+constexpr double kDampingRatioWithDrift = 0.1;
+
 // Loss scale that fits key points [median error], ...
 constexpr double kLossScalePerError = 1.5;
 // ... at least, of the largest one: the errors of exact key points are
@@ -102,6 +109,10 @@ class ModelBundle {
     if (num_observations == 0) return std::nullopt;
     PointMinimizerOptions options;
     options.label = "Bundle adjustment";
+    if (bundle_.images.size() >= kMinNumImagesWithDrift) {
+      options.min_damping_ratio = kDampingRatioWithDrift;
+      bundle_.turn_about_points = true;
+    }
     options.max_num_iterations = options_.max_num_iterations;
     options.function_tolerance = options_.function_tolerance;
     options.num_threads = num_observations < kMinNumObservationsForThreads

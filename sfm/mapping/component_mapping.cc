@@ -149,6 +149,12 @@ ModelInProgress StartModel(const MappingContext& context,
         SelectTracks(track_options, context.scene, std::move(established));
     progress.used_keypoints = KeypointsOf(established);
   }
+  if (track_options.BoundStart(index.Size())) {
+    progress.all_tracks =
+        std::make_shared<const std::vector<colmap::Track>>(established);
+    established = SelectTracks(
+        track_options.OfStart(), context.scene, std::move(established));
+  }
   const auto tracks = std::make_shared<const std::vector<colmap::Track>>(
       std::move(established));
   if (!context.options.skip_match_completion) ReleaseInliers(index, pairs);

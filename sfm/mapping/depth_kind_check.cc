@@ -10,6 +10,9 @@ namespace dgsfm {
 
 namespace {
 
+// Images of a model that show what its maps are.
+constexpr size_t kMaxNumJudgedImages = 200;
+
 std::vector<MeasuredDepth> DepthsOfModel(const colmap::Reconstruction& model,
                                          const colmap::Image& image) {
   const Rigid3d cam_from_world = CamFromWorld(image);
@@ -31,7 +34,11 @@ std::vector<std::string> WarningsOfDepthKinds(const Scene& scene,
                                               const Models& models) {
   std::map<DepthUnit, std::vector<std::vector<double>>> concordances;
   for (const auto& model : models) {
-    for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
+    const std::vector<colmap::image_t> image_ids =
+        SortedRegisteredImages(*model);
+    const size_t step = image_ids.size() / kMaxNumJudgedImages + 1;
+    for (size_t i = 0; i < image_ids.size(); i += step) {
+      const colmap::image_t image_id = image_ids[i];
       const auto found = depths.find(image_id);
       if (found == depths.end()) continue;
       const colmap::Image& image = scene.images.at(image_id);
@@ -47,8 +54,10 @@ std::vector<std::string> WarningsOfDepthKinds(const Scene& scene,
     const std::string explanation = ExplainWrongKind(unit, of_images);
     if (explanation.empty()) continue;
     warnings.push_back(
-        "The depth maps of " + std::to_string(of_images.size()) +
-        " images are not what they were imported as: " + explanation);
+        "The depth maps, of which those of " +
+        std::to_string(of_images.size()) +
+        " images were looked at, are not what they were imported as: " +
+        explanation);
   }
   return warnings;
 }

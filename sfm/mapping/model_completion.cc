@@ -8,6 +8,7 @@
 #include "sfm/mapping/match_errors.h"
 #include "sfm/mapping/model_access.h"
 #include "sfm/mapping/model_refinement.h"
+#include "sfm/mapping/track_completion.h"
 
 #include <colmap/base/correspondence_graph.h>
 #include <colmap/sfm/incremental_triangulator.h>
@@ -251,6 +252,17 @@ void CompleteTracks(const MappingContext& context,
     AdjustAgain(context, progress, &timer);
     timer.Finish(&log->stages);
     return;
+  }
+  if (progress->all_tracks) {
+    StageTimer timer("track_completion");
+    const size_t num_added = AddTracks(*progress->all_tracks,
+                                       context.options.refinement,
+                                       context.verification.num_threads,
+                                       &model);
+    progress->all_tracks.reset();
+    timer.Add("observations_added", double(num_added))
+        .Add("points", double(model.NumPoints3D()));
+    timer.Finish(&log->stages);
   }
   size_t num_filtered = 0;
   const size_t num_before = model.ComputeNumObservations();

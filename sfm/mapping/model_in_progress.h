@@ -9,7 +9,9 @@
 #include "sfm/view_graph/component_averaging.h"
 
 #include <functional>
+#include <memory>
 #include <optional>
+#include <vector>
 
 namespace dgsfm {
 
@@ -24,6 +26,8 @@ struct ModelInProgress {
   // there.
   CenterPriors center_priors;
   std::optional<Similarity3d> positions_from_start;
+  // Tracks of which the model has had a part so far; null if it has all.
+  std::shared_ptr<const std::vector<colmap::Track>> all_tracks;
   // Key points that may get observations.
   UsedKeypoints used_keypoints;
   // Whether the rays of its tracks hardly differ, or the start from one centre

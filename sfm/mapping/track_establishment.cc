@@ -140,6 +140,11 @@ bool TrackOptions::IsValid(std::string* error) const {
       .AtLeast("max_num_tracks", max_num_tracks, 0)
       .AtLeast(
           "max_num_observations_per_image", max_num_observations_per_image, 0)
+      .AtLeast("max_num_start_observations_per_image",
+               max_num_start_observations_per_image,
+               0)
+      .AtLeast(
+          "min_num_images_to_bound_start", min_num_images_to_bound_start, 0)
       .AreKept();
 }
 

@@ -23,8 +23,27 @@ struct TrackOptions {
   int max_num_tracks = 0;
   int max_num_observations_per_image = 0;
 
+  // Observations of each image up to which models of many images are positioned
+  // and adjusted before they are completed, 0 = all. More cost time and move
+  // nothing there.
+  int max_num_start_observations_per_image = 300;
+  // Images from which on a model is one of many images.
+  int min_num_images_to_bound_start = 2000;
+
   bool AreBounded() const {
     return max_num_tracks > 0 || max_num_observations_per_image > 0;
+  }
+  bool BoundStart(int num_images) const {
+    return max_num_start_observations_per_image > 0 &&
+           num_images >= min_num_images_to_bound_start;
+  }
+  // The bounds before a model of many images is completed.
+  TrackOptions OfStart() const {
+    TrackOptions options = *this;
+    options.max_num_tracks = 0;
+    options.max_num_observations_per_image =
+        max_num_start_observations_per_image;
+    return options;
   }
 
   bool IsValid(std::string* error) const;

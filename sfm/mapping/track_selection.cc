@@ -21,50 +21,107 @@ constexpr double kLinkWeight = 8;
 // largest each time takes many times as long.
 constexpr double kMinShareOfLargest = 0.8;
 
+// An element of a track: its image, by a number from 0 on, and its part of it.
+struct Place {
+  uint32_t image;
+  uint8_t part;
+};
+
+// The places of the elements of all tracks.
+class TrackPlaces {
+ public:
+  TrackPlaces(const Scene& scene, const std::vector<colmap::Track>& tracks) {
+    std::unordered_map<colmap::image_t, uint32_t> numbers;
+    begins_.reserve(tracks.size() + 1);
+    for (const colmap::Track& track : tracks) {
+      begins_.push_back(places_.size());
+      for (const colmap::TrackElement& element : track.Elements()) {
+        const auto number =
+            numbers.emplace(element.image_id, uint32_t(images_.size()));
+        if (number.second) images_.push_back(ImageOf(scene, element.image_id));
+        places_.push_back({number.first->second,
+                           PartOf(images_[number.first->second], element)});
+      }
+    }
+    begins_.push_back(places_.size());
+  }
+
+  size_t NumImages() const { return images_.size(); }
+  const Place* Begin(size_t track) const { return &places_[begins_[track]]; }
+  const Place* End(size_t track) const { return Begin(track) + Length(track); }
+  size_t Length(size_t track) const {
+    return begins_[track + 1] - begins_[track];
+  }
+
+ private:
+  struct ImageWithSize {
+    const colmap::Image* image;
+    size_t width;
+    size_t height;
+  };
+
+  static ImageWithSize ImageOf(const Scene& scene, colmap::image_t image_id) {
+    const colmap::Image& image = scene.images.at(image_id);
+    const colmap::Camera& camera = scene.cameras.at(image.CameraId());
+    return {&image, camera.Width(), camera.Height()};
+  }
+
+  static uint8_t PartOf(const ImageWithSize& image,
+                        const colmap::TrackElement& element) {
+    const Eigen::Vector2d xy = image.image->Point2D(element.point2D_idx).XY();
+    const auto part = [](double coordinate, size_t size) {
+      const double scaled = kNumPartsPerSide * coordinate / double(size);
+      return int(std::clamp(scaled, 0.0, kNumPartsPerSide - 1.0));
+    };
+    return uint8_t(part(xy.y(), image.height) * kNumPartsPerSide +
+                   part(xy.x(), image.width));
+  }
+
+  std::vector<ImageWithSize> images_;
+  std::vector<Place> places_;
+  std::vector<size_t> begins_;
+};
+
 // What the tracks that are chosen cover.
 class Coverage {
  public:
-  Coverage(const TrackOptions& options, const Scene& scene)
+  Coverage(const TrackOptions& options, size_t num_images)
       : max_num_per_image_(options.max_num_observations_per_image > 0
                                ? options.max_num_observations_per_image
                                : std::numeric_limits<int>::max()),
-        scene_(scene) {}
+        images_(num_images) {}
 
-  // What the track would add; 0 if too few of its images have room for it.
-  double GainOf(const colmap::Track& track) const {
+  // What a track would add; 0 if too few of its images have room for it.
+  double GainOf(const Place* begin, const Place* end) const {
     double gain = 0;
     int num_elements = 0;
-    colmap::image_t previous = colmap::kInvalidImageId;
-    for (const colmap::TrackElement& element : track.Elements()) {
-      const auto image = images_.find(element.image_id);
-      if (image != images_.end() && IsFull(image->second)) continue;
-      gain += Share(image == images_.end()
-                        ? 0
-                        : image->second.num_in_parts[PartOf(element)]);
+    uint32_t previous = 0;
+    for (const Place* place = begin; place != end; ++place) {
+      const ImageCoverage& image = images_[place->image];
+      if (IsFull(image)) continue;
+      gain += Share(image.num_in_parts[place->part]);
       if (num_elements++ > 0) {
-        const auto link =
-            links_.find(PairIdOfImages(previous, element.image_id));
-        gain += kLinkWeight * Share(link == links_.end() ? 0 : link->second);
+        const auto& links = images_[previous].num_links;
+        const auto link = links.find(place->image);
+        gain += kLinkWeight * Share(link == links.end() ? 0 : link->second);
       }
-      previous = element.image_id;
+      previous = place->image;
     }
     return num_elements < 2 ? 0 : gain;
   }
 
-  // Adds the track, which loses its elements in images that are full.
-  void Add(colmap::Track* track) {
+  // Adds a track, which loses its elements in images that are full.
+  void Add(const Place* places, colmap::Track* track) {
     colmap::Track kept;
-    colmap::image_t previous = colmap::kInvalidImageId;
-    for (const colmap::TrackElement& element : track->Elements()) {
-      ImageCoverage& image = images_[element.image_id];
+    uint32_t previous = 0;
+    for (size_t i = 0; i < track->Length(); ++i) {
+      ImageCoverage& image = images_[places[i].image];
       if (IsFull(image)) continue;
       ++image.num_observations;
-      ++image.num_in_parts[PartOf(element)];
-      if (kept.Length() > 0) {
-        ++links_[PairIdOfImages(previous, element.image_id)];
-      }
-      previous = element.image_id;
-      kept.AddElement(element);
+      ++image.num_in_parts[places[i].part];
+      if (kept.Length() > 0) ++images_[previous].num_links[places[i].image];
+      previous = places[i].image;
+      kept.AddElement(track->Element(i));
     }
     *track = std::move(kept);
   }
@@ -73,6 +130,8 @@ class Coverage {
   struct ImageCoverage {
     int num_observations = 0;
     std::array<int, kNumPartsPerSide* kNumPartsPerSide> num_in_parts = {};
+    // Number of tracks to each image that follows this one in them.
+    std::unordered_map<uint32_t, int> num_links;
   };
 
   static double Share(int count) { return 1.0 / (1 + count); }
@@ -81,23 +140,8 @@ class Coverage {
     return image.num_observations >= max_num_per_image_;
   }
 
-  size_t PartOf(const colmap::TrackElement& element) const {
-    const colmap::Image& image = scene_.images.at(element.image_id);
-    const colmap::Camera& camera = scene_.cameras.at(image.CameraId());
-    const Eigen::Vector2d xy = image.Point2D(element.point2D_idx).XY();
-    const auto part = [](double coordinate, size_t size) {
-      const double scaled = kNumPartsPerSide * coordinate / double(size);
-      return size_t(std::clamp(scaled, 0.0, kNumPartsPerSide - 1.0));
-    };
-    return part(xy.y(), camera.Height()) * kNumPartsPerSide +
-           part(xy.x(), camera.Width());
-  }
-
   const int max_num_per_image_;
-  const Scene& scene_;
-  std::unordered_map<colmap::image_t, ImageCoverage> images_;
-  // Number of tracks by pair of images.
-  std::unordered_map<colmap::image_pair_t, int> links_;
+  std::vector<ImageCoverage> images_;
 };
 
 }  // namespace
@@ -108,14 +152,18 @@ std::vector<colmap::Track> SelectTracks(const TrackOptions& options,
   const size_t max_num_tracks = options.max_num_tracks > 0
                                     ? size_t(options.max_num_tracks)
                                     : tracks.size();
-  Coverage coverage(options, scene);
+  const TrackPlaces places(scene, tracks);
+  Coverage coverage(options, places.NumImages());
+  const auto gain_of = [&](size_t i) {
+    return coverage.GainOf(places.Begin(i), places.End(i));
+  };
   // Gains only fall while tracks are chosen, so that the former gain of the
   // next one bounds those of all others. Of equal ones the first comes first.
   using Candidate = std::pair<double, int64_t>;
   std::vector<Candidate> all;
   all.reserve(tracks.size());
   for (size_t i = 0; i < tracks.size(); ++i) {
-    all.emplace_back(coverage.GainOf(tracks[i]), -int64_t(i));
+    all.emplace_back(gain_of(i), -int64_t(i));
   }
   std::priority_queue<Candidate> candidates(std::less<Candidate>(),
                                             std::move(all));
@@ -124,16 +172,16 @@ std::vector<colmap::Track> SelectTracks(const TrackOptions& options,
   while (!candidates.empty() && num_selected < max_num_tracks) {
     const int64_t place = candidates.top().second;
     candidates.pop();
-    colmap::Track& track = tracks[size_t(-place)];
-    const double gain = coverage.GainOf(track);
+    const size_t i = size_t(-place);
+    const double gain = gain_of(i);
     if (gain == 0) continue;
     if (!candidates.empty() &&
         gain < kMinShareOfLargest * candidates.top().first) {
       candidates.emplace(gain, place);
       continue;
     }
-    coverage.Add(&track);
-    is_selected[size_t(-place)] = true;
+    coverage.Add(places.Begin(i), &tracks[i]);
+    is_selected[i] = true;
     ++num_selected;
   }
   std::vector<colmap::Track> selected;

@@ -512,6 +512,29 @@ TEST(GlobalMapping, PairsThatAgreeWithTheModelReturn) {
   EXPECT_EQ(pair.verdicts[1].stage, PairStage::PAIR_JUDGING);
 }
 
+TEST(GlobalMapping, BoundedStartsLoseNoPoints) {
+  SyntheticSceneOptions options = SmallRing();
+  options.num_points_per_image = 400;
+  const SyntheticScene synthetic = SynthesizeScene(options);
+  DepthGlobalMapperOptions mapper_options;
+  std::vector<Outcome> outcomes;
+  for (const int min_num_images : {2000, 10}) {
+    mapper_options.tracks.min_num_images_to_bound_start = min_num_images;
+    mapper_options.tracks.max_num_start_observations_per_image = 60;
+    outcomes.push_back(MapScene(synthetic,
+                                SceneFromSynthetic(synthetic),
+                                KeypointDepthsFromSynthetic(synthetic),
+                                mapper_options));
+    ASSERT_EQ(outcomes.back().result.models.size(), 1);
+    // Of 0.5 px in 700, with hundreds of points.
+    EXPECT_LT(MeanError(outcomes.back().metrics), 0.05);
+  }
+  const double num_points = outcomes[0].result.models[0]->NumPoints3D();
+  EXPECT_NEAR(outcomes[1].result.models[0]->NumPoints3D(),
+              num_points,
+              0.01 * num_points);
+}
+
 TEST(GlobalMapping, OneEntryOfSeveralZoomsIsSplit) {
   for (const double max_log_focal_offset : {0.0, 0.3}) {
     SyntheticSceneOptions options = SmallRing();

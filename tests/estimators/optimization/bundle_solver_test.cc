@@ -346,6 +346,24 @@ TEST(SolveBundle, FramesKeepTheirShapeAndFixTheScale) {
   }
 }
 
+TEST(SolveBundle, TurnsAboutPointsFindTheSameMinimum) {
+  for (const bool has_rig : {false, true}) {
+    Bundle start = has_rig ? DisturbedFrames(TrueRigBundle())
+                           : Disturbed(TrueBundle({false, 0.5}));
+    Bundle turned = start;
+    turned.turn_about_points = true;
+    const PointMinimizerSummary expected =
+        SolveBundle(Converging(), kLoss, &start);
+    const PointMinimizerSummary summary =
+        SolveBundle(Converging(), kLoss, &turned);
+    // Exact observations of the rig leave rounding only.
+    EXPECT_NEAR(summary.final_cost,
+                expected.final_cost,
+                1e-9 * expected.final_cost + 1e-9);
+    EXPECT_LT(MaxPointError(turned, start), 1e-4);
+  }
+}
+
 TEST(SolveBundle, RefinesSensors) {
   const Bundle truth = TrueRigBundle();
   Bundle bundle = DisturbedFrames(truth);
