@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
+#include <vector>
 
 namespace dgsfm {
 namespace {
@@ -23,6 +25,21 @@ bool IsLess(const colmap::FeatureMatch& a, const colmap::FeatureMatch& b) {
                                           : a.point2D_idx2 < b.point2D_idx2;
 }
 
+// Whether no key point of image 1 has two matches: then there are no equal
+// ones.
+bool AreOneToOne(const colmap::FeatureMatches& matches) {
+  colmap::point2D_t num_keypoints = 0;
+  for (const colmap::FeatureMatch& match : matches) {
+    num_keypoints = std::max(num_keypoints, match.point2D_idx1 + 1);
+  }
+  std::vector<bool> is_matched(num_keypoints, false);
+  for (const colmap::FeatureMatch& match : matches) {
+    if (is_matched[match.point2D_idx1]) return false;
+    is_matched[match.point2D_idx1] = true;
+  }
+  return true;
+}
+
 // Keeps the first of equal matches and the order.
 void RemoveDuplicates(colmap::FeatureMatches* matches) {
   const auto is_not_less = [](const auto& a, const auto& b) {
@@ -33,6 +50,7 @@ void RemoveDuplicates(colmap::FeatureMatches* matches) {
       matches->end()) {
     return;
   }
+  if (AreOneToOne(*matches)) return;
   colmap::FeatureMatches sorted = *matches;
   std::sort(sorted.begin(), sorted.end(), IsLess);
   if (std::adjacent_find(sorted.begin(), sorted.end(), is_not_less) ==

@@ -136,67 +136,6 @@ DGSFM_INLINE void AddWhitenedRows(const TwoViewModel& model,
   AddRows(row1, residual1, row2, residual2, weight, equations);
 }
 
-template <int kSize>
-DGSFM_INLINE DepthSum SumWhitenedLanes(const std::vector<MatchLanes>& matches,
-                                       const TwoViewModel& model,
-                                       const DepthFields& fields,
-                                       const WhiteningOptions& options,
-                                       const TwoViewLossOptions& loss,
-                                       bool whiten,
-                                       std::vector<WhiteningLanes>* whitenings,
-                                       LaneEquations<kSize>* equations) {
-  const Eigen::Matrix3d F = model.FundamentalMatrix();
-  const double log_scale = std::log(model.scale);
-  LossSum sum(loss);
-  Lanes num_inliers = {};
-  for (size_t i = 0; i < matches.size(); ++i) {
-    const MatchLanes& match = matches[i];
-    const FieldLanes field1 =
-        EvaluateField(match.x1, options.field_unit1_px, fields.data());
-    const FieldLanes field2 = EvaluateField(
-        match.x2, options.field_unit2_px, fields.data() + kNumDepthFieldTerms);
-    Lanes depth1 = match.depth1;
-    if (options.field_unit1_px > 0) {
-      for (int k = 0; k < kNumLanes; ++k)
-        depth1[k] *= std::exp(-field1.value[k]);
-    }
-    const TransferLanes transfer = TransferPoints(model, match, depth1);
-    WhiteningLanes& whitening = (*whitenings)[i];
-    if (whiten) {
-      whitening = WhiteningAt(model, F.data(), options, match, transfer);
-    }
-    const Lanes scale = model.focal2 * transfer.inverse_z;
-    const Lanes along =
-        whitening.direction[0] * (scale * transfer.point[0] - match.x2[0]) +
-        whitening.direction[1] * (scale * transfer.point[1] - match.x2[1]);
-    const Lanes log_ratio =
-        Log(transfer.point[2]) - log_scale - match.log_depth2 + field2.value;
-    const Lanes residual1 = whitening.w11 * along;
-    const Lanes residual2 = whitening.w21 * along + whitening.w22 * log_ratio;
-    Lanes sq_errors = residual1 * residual1 + residual2 * residual2;
-    // Twice the truncation is an outlier under every loss.
-    const Lanes is_valid = whitening.w11 > 0.0 ? transfer.is_in_front : Lanes{};
-    sq_errors = is_valid > 0.0 ? sq_errors : Lanes{} + 2 * loss.max_sq_error;
-    sq_errors = match.has_depths > 0.0 ? sq_errors : Lanes{};
-    Lanes weight = sum.Add(sq_errors);
-    weight = match.has_depths > 0.0 ? weight : Lanes{};
-    weight = is_valid > 0.0 ? weight : Lanes{};
-    num_inliers += weight > 0.0 ? Lanes{} + 1.0 : Lanes{};
-    if (equations) {
-      AddWhitenedRows(model,
-                      transfer,
-                      whitening,
-                      field1,
-                      field2,
-                      residual1,
-                      residual2,
-                      weight,
-                      equations);
-    }
-  }
-  return {sum.Total(), static_cast<int>(Sum(num_inliers))};
-}
-
 }  // namespace
 
 DGSFM_TARGET_CLONES
@@ -253,30 +192,83 @@ DepthSum SumTransferErrors(const std::vector<MatchLanes>& matches,
   return {sum.Total(), static_cast<int>(Sum(num_inliers))};
 }
 
-DGSFM_TARGET_CLONES
-DepthSum SumWhitenedErrors(const std::vector<MatchLanes>& matches,
-                           const TwoViewModel& model,
-                           const DepthFields& fields,
-                           const WhiteningOptions& options,
-                           const TwoViewLossOptions& loss,
-                           bool whiten,
-                           std::vector<WhiteningLanes>* whitenings,
-                           LaneEquations<kNumTwoViewParams>* equations) {
-  return SumWhitenedLanes(
-      matches, model, fields, options, loss, whiten, whitenings, equations);
+template <int kSize>
+DGSFM_TARGET_CLONES DepthSum
+SumWhitenedErrors(const std::vector<MatchLanes>& matches,
+                  const TwoViewModel& model,
+                  const DepthFields& fields,
+                  const WhiteningOptions& options,
+                  const TwoViewLossOptions& loss,
+                  bool whiten,
+                  std::vector<WhiteningLanes>* whitenings,
+                  LaneEquations<kSize>* equations) {
+  const Eigen::Matrix3d F = model.FundamentalMatrix();
+  const double log_scale = std::log(model.scale);
+  LossSum sum(loss);
+  Lanes num_inliers = {};
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const MatchLanes& match = matches[i];
+    const FieldLanes field1 =
+        EvaluateField(match.x1, options.field_unit1_px, fields.data());
+    const FieldLanes field2 = EvaluateField(
+        match.x2, options.field_unit2_px, fields.data() + kNumDepthFieldTerms);
+    Lanes depth1 = match.depth1;
+    if (options.field_unit1_px > 0) {
+      for (int k = 0; k < kNumLanes; ++k)
+        depth1[k] *= std::exp(-field1.value[k]);
+    }
+    const TransferLanes transfer = TransferPoints(model, match, depth1);
+    WhiteningLanes& whitening = (*whitenings)[i];
+    if (whiten) {
+      whitening = WhiteningAt(model, F.data(), options, match, transfer);
+    }
+    const Lanes scale = model.focal2 * transfer.inverse_z;
+    const Lanes along =
+        whitening.direction[0] * (scale * transfer.point[0] - match.x2[0]) +
+        whitening.direction[1] * (scale * transfer.point[1] - match.x2[1]);
+    const Lanes log_ratio =
+        Log(transfer.point[2]) - log_scale - match.log_depth2 + field2.value;
+    const Lanes residual1 = whitening.w11 * along;
+    const Lanes residual2 = whitening.w21 * along + whitening.w22 * log_ratio;
+    Lanes sq_errors = residual1 * residual1 + residual2 * residual2;
+    // Twice the truncation is an outlier under every loss.
+    const Lanes is_valid = whitening.w11 > 0.0 ? transfer.is_in_front : Lanes{};
+    sq_errors = is_valid > 0.0 ? sq_errors : Lanes{} + 2 * loss.max_sq_error;
+    sq_errors = match.has_depths > 0.0 ? sq_errors : Lanes{};
+    Lanes weight = sum.Add(sq_errors);
+    weight = match.has_depths > 0.0 ? weight : Lanes{};
+    weight = is_valid > 0.0 ? weight : Lanes{};
+    num_inliers += weight > 0.0 ? Lanes{} + 1.0 : Lanes{};
+    if (equations) {
+      AddWhitenedRows(model,
+                      transfer,
+                      whitening,
+                      field1,
+                      field2,
+                      residual1,
+                      residual2,
+                      weight,
+                      equations);
+    }
+  }
+  return {sum.Total(), static_cast<int>(Sum(num_inliers))};
 }
 
-DGSFM_TARGET_CLONES
-DepthSum SumWhitenedErrors(const std::vector<MatchLanes>& matches,
-                           const TwoViewModel& model,
-                           const DepthFields& fields,
-                           const WhiteningOptions& options,
-                           const TwoViewLossOptions& loss,
-                           bool whiten,
-                           std::vector<WhiteningLanes>* whitenings,
-                           LaneEquations<kNumCostParams>* equations) {
-  return SumWhitenedLanes(
-      matches, model, fields, options, loss, whiten, whitenings, equations);
-}
+template DepthSum SumWhitenedErrors(const std::vector<MatchLanes>&,
+                                    const TwoViewModel&,
+                                    const DepthFields&,
+                                    const WhiteningOptions&,
+                                    const TwoViewLossOptions&,
+                                    bool,
+                                    std::vector<WhiteningLanes>*,
+                                    LaneEquations<kNumTwoViewParams>*);
+template DepthSum SumWhitenedErrors(const std::vector<MatchLanes>&,
+                                    const TwoViewModel&,
+                                    const DepthFields&,
+                                    const WhiteningOptions&,
+                                    const TwoViewLossOptions&,
+                                    bool,
+                                    std::vector<WhiteningLanes>*,
+                                    LaneEquations<kNumCostParams>*);
 
 }  // namespace dgsfm

@@ -61,6 +61,7 @@ DepthSum SumTransferErrors(const std::vector<MatchLanes>& matches,
 // Whitened transfer errors. With `whiten`, whitens them at this model first.
 // Points behind camera 2 cost the truncation. The equations are those of the
 // model alone, or of the model and the fields.
+template <int kSize>
 DepthSum SumWhitenedErrors(const std::vector<MatchLanes>& matches,
                            const TwoViewModel& model,
                            const DepthFields& fields,
@@ -68,14 +69,6 @@ DepthSum SumWhitenedErrors(const std::vector<MatchLanes>& matches,
                            const TwoViewLossOptions& loss,
                            bool whiten,
                            std::vector<WhiteningLanes>* whitenings,
-                           LaneEquations<kNumTwoViewParams>* equations);
-DepthSum SumWhitenedErrors(const std::vector<MatchLanes>& matches,
-                           const TwoViewModel& model,
-                           const DepthFields& fields,
-                           const WhiteningOptions& options,
-                           const TwoViewLossOptions& loss,
-                           bool whiten,
-                           std::vector<WhiteningLanes>* whitenings,
-                           LaneEquations<kNumCostParams>* equations);
+                           LaneEquations<kSize>* equations);
 
 }  // namespace dgsfm

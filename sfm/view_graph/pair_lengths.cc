@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include <glog/logging.h>
@@ -38,12 +39,32 @@ Eigen::Vector2d NormalizedPoint(const Scene& scene,
       .ImageToWorld(image.Point2D(point2D_idx).XY());
 }
 
+// The points of the key points of an image that pairs ask for, each computed
+// once.
+class NormalizedPoints {
+ public:
+  NormalizedPoints(const Scene& scene, const colmap::Image& image)
+      : scene_(scene), image_(image), points_(image.NumPoints2D()) {}
+
+  const Eigen::Vector2d& At(colmap::point2D_t point2D_idx) {
+    std::optional<Eigen::Vector2d>& point = points_[point2D_idx];
+    if (!point) point = NormalizedPoint(scene_, image_, point2D_idx);
+    return *point;
+  }
+
+ private:
+  const Scene& scene_;
+  const colmap::Image& image_;
+  std::vector<std::optional<Eigen::Vector2d>> points_;
+};
+
 // Depths of the inliers of a pair in one of its images, in units of the
-// baseline.
+// baseline. `points` are those of that image.
 PairView ViewOfPair(const Scene& scene,
                     const ImageIndex& index,
                     const IndexedPair& indexed,
-                    int image) {
+                    int image,
+                    NormalizedPoints* points) {
   const PairGeometry& pair = *indexed.pair;
   PairView view;
   const double length = pair.cam2_from_cam1.translation.norm();
@@ -53,17 +74,19 @@ PairView ViewOfPair(const Scene& scene,
   model.translation = pair.cam2_from_cam1.translation / length;
   model.focal1 = model.focal2 = 1;
   const bool is_first = image == indexed.image1;
-  const colmap::Image& image1 = scene.images.at(index.IdOf(indexed.image1));
-  const colmap::Image& image2 = scene.images.at(index.IdOf(indexed.image2));
+  const colmap::Image& other_image =
+      scene.images.at(index.IdOf(is_first ? indexed.image2 : indexed.image1));
   for (const colmap::FeatureMatch& match : pair.inlier_matches) {
+    const colmap::point2D_t point2D_idx =
+        is_first ? match.point2D_idx1 : match.point2D_idx2;
+    const Eigen::Vector2d& x = points->At(point2D_idx);
+    const Eigen::Vector2d other_x = NormalizedPoint(
+        scene, other_image, is_first ? match.point2D_idx2 : match.point2D_idx1);
     const auto point =
-        IntersectRays(model,
-                      NormalizedPoint(scene, image1, match.point2D_idx1),
-                      NormalizedPoint(scene, image2, match.point2D_idx2));
+        IntersectRays(model, is_first ? x : other_x, is_first ? other_x : x);
     if (!point || point->angle_rad < kMinRayAngleDeg * M_PI / 180) continue;
     view.log_depths.emplace_back(
-        is_first ? match.point2D_idx1 : match.point2D_idx2,
-        std::log(is_first ? point->depth1 : point->depth2));
+        point2D_idx, std::log(is_first ? point->depth1 : point->depth2));
   }
   std::sort(view.log_depths.begin(), view.log_depths.end());
   return view;
@@ -89,9 +112,10 @@ std::vector<RelativeLogScale> RatiosAtImage(
     const std::vector<IndexedPair>& pairs,
     const std::vector<int>& pairs_of_image,
     int image) {
+  NormalizedPoints points(scene, scene.images.at(index.IdOf(image)));
   std::vector<PairView> views;
   for (const int i : pairs_of_image) {
-    views.push_back(ViewOfPair(scene, index, pairs[i], image));
+    views.push_back(ViewOfPair(scene, index, pairs[i], image, &points));
     views.back().pair = i;
   }
   // Those with most points first.
