@@ -47,7 +47,8 @@ DGSFM_INLINE Lanes Sqrt(const Lanes& values) {
 
 DGSFM_INLINE Lanes Max(const Lanes& a, const Lanes& b) { return a > b ? a : b; }
 
-// Of positive normal numbers, to about 2e-16 or two units in the last place.
+// Logarithms of positive normal numbers; errors are below two units in the last
+// place, or 2e-16.
 DGSFM_INLINE Lanes Log(const Lanes& values) {
   using Bits = int64_t
       __attribute__((vector_size(sizeof(Lanes)), aligned(sizeof(Lanes))));

@@ -27,7 +27,7 @@ bool IsLess(const colmap::FeatureMatch& a, const colmap::FeatureMatch& b) {
 
 // Whether no key point of image 1 has two matches: then there are no equal
 // ones.
-bool AreOneToOne(const colmap::FeatureMatches& matches) {
+bool HaveDistinctFirstPoints(const colmap::FeatureMatches& matches) {
   colmap::point2D_t num_keypoints = 0;
   for (const colmap::FeatureMatch& match : matches) {
     num_keypoints = std::max(num_keypoints, match.point2D_idx1 + 1);
@@ -50,7 +50,7 @@ void RemoveDuplicates(colmap::FeatureMatches* matches) {
       matches->end()) {
     return;
   }
-  if (AreOneToOne(*matches)) return;
+  if (HaveDistinctFirstPoints(*matches)) return;
   colmap::FeatureMatches sorted = *matches;
   std::sort(sorted.begin(), sorted.end(), IsLess);
   if (std::adjacent_find(sorted.begin(), sorted.end(), is_not_less) ==

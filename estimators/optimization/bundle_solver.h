@@ -80,15 +80,16 @@ struct Bundle {
   std::vector<CenterPrior> center_priors;
   // What they count [px].
   CenterPriorWeight center_prior_weight;
-  // Whether poses turn about the middle of the points that they see, with near
-  // points in front by the inverse of their distance, instead of the origin of
-  // the world: far from the origin, turns are next to linear then.
+  // Whether poses turn about the mean of the points that they see, weighted by
+  // the inverse of their distance, instead of the origin of the world: turns
+  // are next to linear then, however far from the origin.
   bool turn_about_points = false;
 };
 
 // Minimises sum_k rho(|x_k - pi(P_k X_k)|^2) / 2 over the poses, points and
 // refined parameters of a bundle, with a loss rho of errors in px. Poses move
-// by cam_from_world = (exp(w) R, exp(w) (t - p) + p + d). Images of a frame
+// by cam_from_world = (exp(w) R, exp(w) (t - p) + p + d) with the pivot p of
+// turn_about_points, by default t. Images of a frame
 // have cam_from_world = cam_from_rig * rig_from_world, of which the second
 // pose, and the first where it is refined, move in that way instead.
 //

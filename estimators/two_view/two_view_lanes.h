@@ -145,7 +145,7 @@ struct FieldLanes {
   Lanes value;
 };
 
-// With a unit of zero there is no field.
+// The field is zero where the unit is.
 DGSFM_INLINE FieldLanes EvaluateField(const Lanes (&points)[2],
                                       double unit_px,
                                       const double* coefficients) {
@@ -199,7 +199,7 @@ DGSFM_INLINE WhiteningLanes WhiteningAt(const TwoViewModel& model,
                          F[1] * match.x1[0] + F[4] * match.x1[1] + F[7]};
   const Lanes length = Sqrt(line[0] * line[0] + line[1] * line[1]);
   WhiteningLanes whitening;
-  // Without translation there is no line and every direction is as good.
+  // The line is zero without translation; any direction serves then.
   whitening.direction[0] = length > 0.0 ? line[1] / length : Lanes{} + 1.0;
   whitening.direction[1] = length > 0.0 ? -line[0] / length : Lanes{};
   whitening.shift = Lanes{};

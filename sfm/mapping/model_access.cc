@@ -1,5 +1,7 @@
 #include "sfm/mapping/model_access.h"
 
+#include "colmap_ext/pose_access.h"
+
 #include <algorithm>
 
 namespace dgsfm {
@@ -20,6 +22,16 @@ double ReprojectionError(const colmap::Reconstruction& model,
               .WorldToImage(point_in_cam.hnormalized()) -
           image.Point2D(element.point2D_idx).XY())
       .norm();
+}
+
+bool IsAtProjection(const colmap::Reconstruction& model,
+                    const colmap::TrackElement& element,
+                    const Eigen::Vector3d& xyz,
+                    double max_error_px) {
+  const Eigen::Vector3d point_in_cam =
+      CamFromWorld(model.Image(element.image_id)) * xyz;
+  return point_in_cam.z() > 0 &&
+         ReprojectionError(model, element, point_in_cam) <= max_error_px;
 }
 
 Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,

@@ -23,6 +23,13 @@ double ReprojectionError(const colmap::Reconstruction& model,
                          const colmap::TrackElement& element,
                          const Eigen::Vector3d& point_in_cam);
 
+// Whether a feature lies within max_error_px of the projection of a point,
+// which has to be in front of the camera.
+bool IsAtProjection(const colmap::Reconstruction& model,
+                    const colmap::TrackElement& element,
+                    const Eigen::Vector3d& xyz,
+                    double max_error_px);
+
 // Ray of unit length of a feature, in the frame of its camera.
 Eigen::Vector3d RayInCam(const colmap::Reconstruction& model,
                          const colmap::TrackElement& element);

@@ -59,16 +59,13 @@ void RemoveIdleMatches(const colmap::Image& image1,
 
 // Whether a match of the image's feature lies where the model projects the
 // point of that feature; nothing if the feature has no point.
-std::optional<bool> IsAtProjection(const colmap::Reconstruction& model,
-                                   const colmap::Point2D& feature,
-                                   const colmap::TrackElement& match,
-                                   double max_error_px) {
+std::optional<bool> IsAtPointOf(const colmap::Reconstruction& model,
+                                const colmap::Point2D& feature,
+                                const colmap::TrackElement& match,
+                                double max_error_px) {
   if (!feature.HasPoint3D()) return std::nullopt;
-  const Eigen::Vector3d point_in_cam =
-      CamFromWorld(model.Image(match.image_id)) *
-      model.Point3D(feature.Point3DId()).XYZ();
-  return point_in_cam.z() > 0 &&
-         ReprojectionError(model, match, point_in_cam) <= max_error_px;
+  return IsAtProjection(
+      model, match, model.Point3D(feature.Point3DId()).XYZ(), max_error_px);
 }
 
 // Whether most matches lie where the model projects the points that their
@@ -87,14 +84,14 @@ bool AgreesWithPoints(const colmap::Reconstruction& model,
     num_agreeing += agrees.value_or(false);
   };
   for (const colmap::FeatureMatch& match : matches) {
-    judge(IsAtProjection(model,
-                         image1.Point2D(match.point2D_idx1),
-                         {image2.ImageId(), match.point2D_idx2},
-                         max_error_px));
-    judge(IsAtProjection(model,
-                         image2.Point2D(match.point2D_idx2),
-                         {image1.ImageId(), match.point2D_idx1},
-                         max_error_px));
+    judge(IsAtPointOf(model,
+                      image1.Point2D(match.point2D_idx1),
+                      {image2.ImageId(), match.point2D_idx2},
+                      max_error_px));
+    judge(IsAtPointOf(model,
+                      image2.Point2D(match.point2D_idx2),
+                      {image1.ImageId(), match.point2D_idx1},
+                      max_error_px));
   }
   return num_agreeing >= min_num_matches && 2 * num_agreeing > num_judged;
 }

@@ -33,10 +33,7 @@ std::vector<colmap::TrackElement> ElementsAtPoint(
     const colmap::Reconstruction& model) {
   std::vector<colmap::TrackElement> kept;
   for (const colmap::TrackElement& element : elements) {
-    const Eigen::Vector3d point_in_cam =
-        CamFromWorld(model.Image(element.image_id)) * xyz;
-    if (point_in_cam.z() > 0 &&
-        ReprojectionError(model, element, point_in_cam) <= max_error_px) {
+    if (IsAtProjection(model, element, xyz, max_error_px)) {
       kept.push_back(element);
     }
   }
