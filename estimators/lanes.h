@@ -45,6 +45,12 @@ DGSFM_INLINE Lanes Sqrt(const Lanes& values) {
   return roots;
 }
 
+DGSFM_INLINE Lanes Abs(const Lanes& values) {
+  Lanes absolute;
+  for (int k = 0; k < kNumLanes; ++k) absolute[k] = std::abs(values[k]);
+  return absolute;
+}
+
 DGSFM_INLINE Lanes Max(const Lanes& a, const Lanes& b) { return a > b ? a : b; }
 
 // Logarithms of positive normal numbers; errors are below two units in the last

@@ -2,6 +2,7 @@
 // also report the share of 100 000 random exact problems whose truth they find
 // within 1e-6 ("found") and their median error.
 
+#include "estimators/solvers/epipolar.h"
 #include "estimators/solvers/five_points.h"
 #include "estimators/two_view/two_view_problem.h"
 #include "tests/estimators/depth_problems.h"
@@ -75,21 +76,36 @@ void TwoFocals(benchmark::State& state) {
 }
 BENCHMARK(TwoFocals);
 
-void FivePoints(benchmark::State& state) {
+// Times are those of eight samples.
+template <size_t N, class Solver>
+void RunEpipolarSolver(benchmark::State& state, const Solver& solver) {
   const TwoViewScene scene = CreateTwoViewScene({}, FocalCase::KNOWN, 1);
   const DepthMatches& matches = scene.input.matches;
   SplitMix64 random(1);
   for (auto _ : state) {
-    std::array<Eigen::Vector2d, 5> points1, points2;
-    for (int k = 0; k < 5; ++k) {
-      const int i = random.Below(static_cast<int>(matches.points1.size()));
-      points1[k] = matches.points1[i] / scene.truth.focal1;
-      points2[k] = matches.points2[i] / scene.truth.focal2;
+    SampleLanes<N> samples;
+    for (int lane = 0; lane < kNumLanes; ++lane) {
+      for (size_t k = 0; k < N; ++k) {
+        const int i = random.Below(static_cast<int>(matches.points1.size()));
+        samples.Set(k,
+                    lane,
+                    matches.points1[i] / scene.truth.focal1,
+                    matches.points2[i] / scene.truth.focal2);
+      }
     }
-    benchmark::DoNotOptimize(SolveFivePoints(points1, points2));
+    benchmark::DoNotOptimize(solver(samples));
   }
 }
+
+void FivePoints(benchmark::State& state) {
+  RunEpipolarSolver<5>(state, SolveFivePoints);
+}
 BENCHMARK(FivePoints);
+
+void SevenPoints(benchmark::State& state) {
+  RunEpipolarSolver<7>(state, SolveSevenPoints);
+}
+BENCHMARK(SevenPoints);
 
 TwoViewDepthOptions NoisyOptions() {
   TwoViewDepthOptions options;

@@ -1,53 +1,64 @@
 #include "estimators/solvers/epipolar.h"
 
-#include "estimators/solvers/polynomial.h"
+#include "estimators/solvers/polynomial_lanes.h"
 
 #include <cmath>
 
-#include <Eigen/QR>
 #include <Eigen/SVD>
 
 namespace dgsfm {
 namespace {
 
-// d/dmu det(A + mu B) at 0, i.e. the trace of adj(A) B.
-double DeterminantSlope(const Eigen::Matrix3d& A, const Eigen::Matrix3d& B) {
-  return B.col(0).dot(A.col(1).cross(A.col(2))) +
-         B.col(1).dot(A.col(2).cross(A.col(0))) +
-         B.col(2).dot(A.col(0).cross(A.col(1)));
+DGSFM_INLINE Lanes Determinant(const Lanes* a, const Lanes* b, const Lanes* c) {
+  return a[0] * (b[1] * c[2] - b[2] * c[1]) +
+         a[1] * (b[2] * c[0] - b[0] * c[2]) +
+         a[2] * (b[0] * c[1] - b[1] * c[0]);
+}
+
+// d/dmu det(A + mu B) at 0, by columns.
+DGSFM_INLINE Lanes DeterminantSlope(const MatrixLanes& A,
+                                    const MatrixLanes& B) {
+  const Lanes* a = A.entries;
+  const Lanes* b = B.entries;
+  return Determinant(b, a + 3, a + 6) + Determinant(a, b + 3, a + 6) +
+         Determinant(a, a + 3, b + 6);
+}
+
+// The matrix of a lane with unit norm, if it is finite.
+void AddSolution(const MatrixLanes& matrices,
+                 int lane,
+                 FundamentalMatrices* solutions) {
+  Eigen::Matrix3d F;
+  for (int entry = 0; entry < 9; ++entry) {
+    F.data()[entry] = matrices.entries[entry][lane];
+  }
+  const double norm = F.norm();
+  if (!(norm > 0 && std::isfinite(norm))) return;
+  solutions->values[solutions->count++] = F / norm;
 }
 
 }  // namespace
 
-FundamentalMatrices SolveSevenPoints(
-    const std::array<Eigen::Vector2d, 7>& points1,
-    const std::array<Eigen::Vector2d, 7>& points2) {
-  Eigen::Matrix<double, 9, 7> system;
-  for (int i = 0; i < 7; ++i) {
-    // Column-major vec(F): q p^T for each match.
-    const Eigen::Vector3d p = points1[i].homogeneous();
-    const Eigen::Vector3d q = points2[i].homogeneous();
-    Eigen::Map<Eigen::Matrix3d>(system.col(i).data()) = q * p.transpose();
-  }
-  // The last columns of Q are orthogonal to the rows of the linear system.
-  Eigen::Matrix<double, 9, 2> basis = Eigen::Matrix<double, 9, 2>::Zero();
-  basis.bottomRows<2>().setIdentity();
-  basis.applyOnTheLeft(
-      Eigen::HouseholderQR<Eigen::Matrix<double, 9, 7>>(system).householderQ());
-  const Eigen::Matrix3d A =
-      Eigen::Map<const Eigen::Matrix3d>(basis.col(0).data());
-  const Eigen::Matrix3d B =
-      Eigen::Map<const Eigen::Matrix3d>(basis.col(1).data());
-  const auto roots = FindRealRoots(Polynomial<4>{A.determinant(),
-                                                 DeterminantSlope(A, B),
-                                                 DeterminantSlope(B, A),
-                                                 B.determinant()});
-  FundamentalMatrices solutions;
+DGSFM_TARGET_CLONES
+std::array<FundamentalMatrices, kNumLanes> SolveSevenPoints(
+    const SampleLanes<7>& samples) {
+  const auto [A, B] = EpipolarNullSpace(samples);
+  const Lanes* a = A.entries;
+  const Lanes* b = B.entries;
+  // det(A + mu B)
+  const LanePolynomial<4> determinant = {{Determinant(a, a + 3, a + 6),
+                                          DeterminantSlope(A, B),
+                                          DeterminantSlope(B, A),
+                                          Determinant(b, b + 3, b + 6)}};
+  const LaneRoots<4> roots = FindRealRoots(determinant);
+  std::array<FundamentalMatrices, kNumLanes> solutions;
   for (int i = 0; i < roots.count; ++i) {
-    const Eigen::Matrix3d F = A + roots.values[i] * B;
-    const double norm = F.norm();
-    if (norm > 0 && std::isfinite(norm)) {
-      solutions.values[solutions.count++] = F / norm;
+    MatrixLanes matrices;
+    for (int entry = 0; entry < 9; ++entry) {
+      matrices.entries[entry] = a[entry] + roots.values[i] * b[entry];
+    }
+    for (int lane = 0; lane < kNumLanes; ++lane) {
+      AddSolution(matrices, lane, &solutions[lane]);
     }
   }
   return solutions;

@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "estimators/solvers/epipolar_lanes.h"
 #include "estimators/two_view/two_view_model.h"
 
 #include <array>
@@ -13,16 +14,12 @@
 namespace dgsfm {
 
 // (x2, 1)^T F (x1, 1) = 0 from seven matches: det = 0 on the pencil of the two
-// null vectors of the linear system, at most 3 solutions of unit norm. Points
-// should be of order one. Degenerate: the points, or six of them, in a plane.
-// Source: [Hartley and Zisserman 2004, Sec. 11.1.2].
-struct FundamentalMatrices {
-  int count = 0;
-  std::array<Eigen::Matrix3d, 3> values;
-};
-FundamentalMatrices SolveSevenPoints(
-    const std::array<Eigen::Vector2d, 7>& points1,
-    const std::array<Eigen::Vector2d, 7>& points2);
+// null vectors of the linear system, at most 3 solutions of unit norm for each
+// of eight samples. Points should be of order one. Degenerate: the points, or
+// six of them, in a plane. Source: [Hartley and Zisserman 2004, Sec. 11.1.2].
+using FundamentalMatrices = EpipolarMatrices<3>;
+std::array<FundamentalMatrices, kNumLanes> SolveSevenPoints(
+    const SampleLanes<7>& samples);
 
 // The four poses of an essential matrix (any scale, nearest one in the
 // Frobenius norm), with unit translations: rotations[0] or [1] with plus or

@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <utility>
 
 namespace dgsfm {
 
@@ -55,22 +54,25 @@ Polynomial<N - 1> Derivative(const Polynomial<N>& c) {
   return derivative;
 }
 
+// Steps to the root within a bracket.
+constexpr int kMaxNumRootSteps = 60;
+// Relative size of the last step. Newton steps square the error: nothing of
+// this is left after it.
+constexpr double kRootPrecision = 1e-8;
+
 // The root between low and high, where the values have different signs: Newton
 // steps, bisection where they leave the bracket or do not halve it.
 template <size_t N>
 double RootBetween(const Polynomial<N>& c, double low, double high) {
-  constexpr int kMaxNumSteps = 60;
-  // Newton steps square the error: nothing of this is left after the last one.
-  constexpr double kPrecision = 1e-8;
   const Polynomial<N - 1> derivative = Derivative(c);
   const bool rising = Evaluate(c, low) < 0;
   double x = 0.5 * (low + high);
   double last_step = high - low;
-  for (int step = 0; step < kMaxNumSteps; ++step) {
+  for (int step = 0; step < kMaxNumRootSteps; ++step) {
     const double value = Evaluate(c, x);
     const double newton_step = -value / Evaluate(derivative, x);
     // Rounding may put the root itself on the wrong side of a bound.
-    if (std::abs(newton_step) <= kPrecision * std::abs(x)) {
+    if (std::abs(newton_step) <= kRootPrecision * std::abs(x)) {
       return x + newton_step;
     }
     ((value < 0) == rising ? low : high) = x;
@@ -122,109 +124,6 @@ RealRoots<N> FindRealRoots(const Polynomial<N>& c, double max_root = kMaxRoot) {
       low_is_negative = high_is_negative;
     }
   }
-  return roots;
-}
-
-// The Sturm chain p0 = c, p1 = c', p(k+1) = -(p(k-1) mod pk), each times a
-// positive factor, by the linear quotients of its neighbours:
-//   p(k-1)(x) = (slope_k x + offset_k) pk(x) - factor_k p(k+1)(x).
-template <size_t N>
-class SturmChain {
- public:
-  explicit SturmChain(const Polynomial<N>& c) {
-    Polynomial<N> previous = c;
-    Polynomial<N> current{};
-    for (size_t k = 1; k < N; ++k) current[k - 1] = k * c[k];
-    for (size_t k = 1, degree = N - 2; degree > 0; ++k, --degree) {
-      const double slope = previous[degree + 1] / current[degree];
-      const double offset =
-          (previous[degree] - slope * current[degree - 1]) / current[degree];
-      for (size_t i = 0; i < degree; ++i) {
-        previous[i] = offset * current[i] - previous[i] +
-                      (i > 0 ? slope * current[i - 1] : 0);
-      }
-      const double factor = std::abs(previous[degree - 1]);
-      for (size_t i = 0; i < degree; ++i) previous[i] /= factor;
-      quotients_[k] = {slope, offset, factor};
-      std::swap(previous, current);
-    }
-    last_linear_ = {previous[0], previous[1]};
-    constant_ = current[0];
-  }
-
-  // False if a remainder has a leading coefficient of zero: the quotients are
-  // not linear then.
-  bool IsRegular() const { return std::isfinite(constant_); }
-
-  // The number of roots between low and high is the difference of the numbers
-  // of sign changes there.
-  int NumSignChanges(double x) const {
-    double next = constant_;
-    double value = Evaluate(last_linear_, x);
-    int count = (value < 0) != (next < 0);
-    for (size_t k = N - 2; k > 0; --k) {
-      const Quotient& quotient = quotients_[k];
-      const double previous = (quotient.slope * x + quotient.offset) * value -
-                              quotient.factor * next;
-      count += (previous < 0) != (value < 0);
-      next = value;
-      value = previous;
-    }
-    return count;
-  }
-
- private:
-  struct Quotient {
-    double slope, offset, factor;
-  };
-
-  std::array<Quotient, N - 1> quotients_;
-  Polynomial<2> last_linear_;
-  double constant_;
-};
-
-// Adds the roots between low and high, of which there are as many as the
-// numbers of sign changes differ.
-template <size_t N>
-void AddRootsBetween(const Polynomial<N>& c,
-                     const SturmChain<N>& chain,
-                     double low,
-                     double high,
-                     int num_changes_low,
-                     int num_changes_high,
-                     RealRoots<N>* roots) {
-  const int count = num_changes_low - num_changes_high;
-  // Numbers that rounding makes wrong may add up to too many.
-  if (count <= 0 || roots->count == static_cast<int>(N) - 1) return;
-  if (count == 1) {
-    if ((Evaluate(c, low) < 0) != (Evaluate(c, high) < 0)) {
-      roots->Add(RootBetween(c, low, high));
-    }
-    return;
-  }
-  const double middle = 0.5 * (low + high);
-  // No number lies between the bounds of double roots in the end.
-  if (!(middle > low && middle < high)) return;
-  const int num_changes = chain.NumSignChanges(middle);
-  AddRootsBetween(c, chain, low, middle, num_changes_low, num_changes, roots);
-  AddRootsBetween(c, chain, middle, high, num_changes, num_changes_high, roots);
-}
-
-// FindRealRoots for polynomials of high degree: of degree 10 in a third of its
-// time.
-template <size_t N>
-RealRoots<N> FindRealRootsBySturm(const Polynomial<N>& c,
-                                  double max_root = kMaxRoot) {
-  const SturmChain<N> chain(c);
-  if (!chain.IsRegular()) return FindRealRoots(c, max_root);
-  RealRoots<N> roots;
-  AddRootsBetween(c,
-                  chain,
-                  -max_root,
-                  max_root,
-                  chain.NumSignChanges(-max_root),
-                  chain.NumSignChanges(max_root),
-                  &roots);
   return roots;
 }
 

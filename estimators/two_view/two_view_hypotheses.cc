@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <iterator>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 namespace dgsfm {
@@ -74,39 +75,62 @@ TwoViewModels SolveDepthTriplet(const std::array<TwoViewMatch, 3>& sample,
   return models;
 }
 
-// Fundamental matrices of five or seven random matches. Five have the guessed
-// focal lengths.
+// Fundamental matrices of random samples of five or seven matches, which are
+// solved eight at a time. Those of five have the guessed focal lengths.
 template <size_t N>
-std::vector<Hypothesis> SampleEpipolar(const TwoViewData& data,
-                                       const FocalRange& range,
-                                       SplitMix64* random) {
-  const double guess1 = range.view1.guess_px;
-  const double guess2 = range.view2.guess_px;
-  const std::array<int, N> sample =
-      SampleDistinct<N>(static_cast<int>(data.size()), random);
-  std::array<Eigen::Vector2d, N> points1, points2;
-  for (size_t k = 0; k < N; ++k) {
-    points1[k] = data[sample[k]].x1 / guess1;
-    points2[k] = data[sample[k]].x2 / guess2;
-  }
-  const auto solutions = [&] {
-    if constexpr (N == 5) {
-      return SolveFivePoints(points1, points2);
-    } else {
-      return SolveSevenPoints(points1, points2);
+class EpipolarSamples {
+ public:
+  EpipolarSamples(const TwoViewData& data, const FocalRange& range)
+      : data_(data),
+        guess1_px_(range.view1.guess_px),
+        guess2_px_(range.view2.guess_px) {}
+
+  // Hypotheses of the next sample.
+  std::vector<Hypothesis> Next(SplitMix64* random) {
+    if (next_ == kNumLanes) {
+      Solve(random);
+      next_ = 0;
     }
-  }();
-  std::vector<Hypothesis> hypotheses(solutions.count);
-  for (int i = 0; i < solutions.count; ++i) {
-    hypotheses[i].is_fundamental = true;
-    hypotheses[i].fundamental = InverseCalibration(guess2) *
-                                solutions.values[i] *
-                                InverseCalibration(guess1);
-    hypotheses[i].model.focal1 = N == 5 ? guess1 : 0;
-    hypotheses[i].model.focal2 = N == 5 ? guess2 : 0;
+    const Solutions& solutions = solutions_[next_++];
+    std::vector<Hypothesis> hypotheses(solutions.count);
+    for (int i = 0; i < solutions.count; ++i) {
+      Hypothesis& hypothesis = hypotheses[i];
+      hypothesis.is_fundamental = true;
+      hypothesis.fundamental = InverseCalibration(guess2_px_) *
+                               solutions.values[i] *
+                               InverseCalibration(guess1_px_);
+      hypothesis.model.focal1 = N == 5 ? guess1_px_ : 0;
+      hypothesis.model.focal2 = N == 5 ? guess2_px_ : 0;
+    }
+    return hypotheses;
   }
-  return hypotheses;
-}
+
+ private:
+  using Solutions =
+      std::conditional_t<N == 5, EssentialMatrices, FundamentalMatrices>;
+
+  void Solve(SplitMix64* random) {
+    SampleLanes<N> samples;
+    for (int lane = 0; lane < kNumLanes; ++lane) {
+      const std::array<int, N> sample =
+          SampleDistinct<N>(static_cast<int>(data_.size()), random);
+      for (size_t k = 0; k < N; ++k) {
+        const TwoViewMatch& match = data_[sample[k]];
+        samples.Set(k, lane, match.x1 / guess1_px_, match.x2 / guess2_px_);
+      }
+    }
+    if constexpr (N == 5) {
+      solutions_ = SolveFivePoints(samples);
+    } else {
+      solutions_ = SolveSevenPoints(samples);
+    }
+  }
+
+  const TwoViewData& data_;
+  const double guess1_px_, guess2_px_;
+  std::array<Solutions, kNumLanes> solutions_;
+  int next_ = kNumLanes;
+};
 
 // Even in the logarithm: errors of focal lengths matter as ratios.
 std::vector<double> FocalGrid(const FocalBounds& bounds) {
@@ -263,10 +287,11 @@ HypothesisSource CreateEpipolarHypothesisSource(const TwoViewData& data,
                                                 const FocalRange& range) {
   if (data.size() < 5) return {};
   const bool seven = range.focal_case != FocalCase::KNOWN && data.size() >= 7;
-  const auto sample = [&data, range, seven, count = 0](
-                          SplitMix64* random) mutable {
-    return seven && count++ % 2 == 0 ? SampleEpipolar<7>(data, range, random)
-                                     : SampleEpipolar<5>(data, range, random);
+  const auto sample = [seven,
+                       fives = EpipolarSamples<5>(data, range),
+                       sevens = EpipolarSamples<7>(data, range),
+                       count = 0](SplitMix64* random) mutable {
+    return seven && count++ % 2 == 0 ? sevens.Next(random) : fives.Next(random);
   };
   // With both kinds in turn the guess of the focal lengths is good enough to
   // find the inliers, or it is not: the larger sample counts.

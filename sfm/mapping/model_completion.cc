@@ -24,6 +24,9 @@ namespace {
 
 // Share of observations whose removal is worth another round of adjustment.
 constexpr double kMinFilteredShare = 1e-3;
+// Share of new and removed observations that is worth another round of
+// retriangulation, which costs several times as much.
+constexpr double kMinChangedShare = 3e-3;
 // Share of new observations that may determine principal points which the model
 // left open before.
 constexpr double kMinGainedShare = 0.2;
@@ -120,9 +123,11 @@ AgreeingMatches InliersOf(const PairGeometries& pairs,
   return inliers;
 }
 
-bool IsWorthARound(size_t num_changed, const colmap::Reconstruction& model) {
-  return double(num_changed) >=
-         kMinFilteredShare * double(model.ComputeNumObservations());
+bool IsShareOf(const colmap::Reconstruction& model,
+               double min_share,
+               size_t num_observations) {
+  return double(num_observations) >=
+         min_share * double(model.ComputeNumObservations());
 }
 
 // Tries once more where the model left all principal points open.
@@ -286,12 +291,12 @@ void CompleteTracks(const MappingContext& context,
       FreePrincipalPointsLeftOpen(context, progress, &timer);
     }
     timer.Finish(&log->stages);
-    if (!IsWorthARound(num_gained + num_filtered, model)) break;
+    if (!IsShareOf(model, kMinChangedShare, num_gained + num_filtered)) break;
   }
   // The last adjustment must be one without the observations that it has
   // shown to be wrong: all of them may pull at one camera.
-  for (int round = 0;
-       round < kMaxNumFinalRounds && IsWorthARound(num_filtered, model);
+  for (int round = 0; round < kMaxNumFinalRounds &&
+                      IsShareOf(model, kMinFilteredShare, num_filtered);
        ++round) {
     StageTimer timer("final_adjustment");
     num_filtered = AdjustAgain(context, progress, &timer);
