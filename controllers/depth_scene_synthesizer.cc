@@ -345,8 +345,7 @@ bool DepthSceneSynthesizerOptions::IsValid(std::string* error) const {
 }
 
 void SynthesizeDepthScene(const DepthSceneSynthesizerOptions& options) {
-  std::string error;
-  if (!options.IsValid(&error)) throw std::runtime_error(error);
+  CheckOptions(options);
   CreateEmptyFolder(options.output_path);
   if (options.database_only) {
     WriteDatabase(options);

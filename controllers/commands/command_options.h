@@ -132,11 +132,16 @@ struct CommandDescription {
 // ends the command with exit code 0 and prints nothing.
 CommandDescription DescribeOptions(const std::function<int()>& run);
 
-// Throws std::runtime_error with the reason unless the options are valid.
+// Options of a command that cannot be.
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// Throws a UsageError with the reason unless the options are valid.
 template <typename Options>
 void CheckOptions(const Options& options) {
   std::string error;
-  if (!options.IsValid(&error)) throw std::runtime_error(error);
+  if (!options.IsValid(&error)) throw UsageError(error);
 }
 
 // Adds options whose names begin with that of their group: "Group.field".

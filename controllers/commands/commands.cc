@@ -1,5 +1,7 @@
 #include "controllers/commands/commands.h"
 
+#include "controllers/commands/command_options.h"
+
 #include <exception>
 #include <iostream>
 #include <new>
@@ -65,6 +67,10 @@ int RunCommand(const Command& command, int argc, char** argv) {
       throw std::runtime_error("cannot write to the standard output");
     }
     return exit_code;
+  } catch (const UsageError& error) {
+    std::cerr << "ERROR: " << error.what() << "\nSee: colmap " << command.name
+              << " --help" << std::endl;
+    return 2;
   } catch (const std::bad_alloc&) {
     std::cerr << "ERROR: out of memory" << std::endl;
   } catch (const std::exception& error) {

@@ -38,7 +38,7 @@ const std::vector<Command>& Commands();
 const Command* FindCommand(const std::string& name);
 
 // Runs a command and turns its exceptions into "ERROR: ..." on stderr and
-// exit code 1.
+// exit code 1, or 2 for a UsageError.
 int RunCommand(const Command& command, int argc, char** argv);
 
 }  // namespace dgsfm

@@ -43,11 +43,7 @@ int RunDenseMatchImporter(int argc, char** argv) {
                       "confidence");
   BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
-  std::string error;
-  if (!options.IsValid(&error)) {
-    std::cerr << "ERROR: " << error << std::endl;
-    return 2;
-  }
+  CheckOptions(options);
   std::cout << ImportDenseMatches(
                    database_path, DenseMatchFile(match_path), options)
                    .ToText()

@@ -117,16 +117,11 @@ int RunDepthExporter(int argc, char** argv) {
               "as they were imported");
   BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
-  std::string error;
   const std::string needs_model = options.OptionThatNeedsModel();
   if (input_path.empty() && !needs_model.empty()) {
-    std::cerr << "ERROR: " << needs_model << " needs input_path" << std::endl;
-    return 2;
+    throw UsageError(needs_model + " needs input_path");
   }
-  if (!options.IsValid(&error)) {
-    std::cerr << "ERROR: " << error << std::endl;
-    return 2;
-  }
+  CheckOptions(options);
   const std::optional<std::string> model_path =
       input_path.empty() ? std::nullopt : std::make_optional(input_path);
   std::cout << ExportDepthMaps(database_path, model_path, output_path, options)

@@ -110,11 +110,7 @@ int RunDepthImporter(int argc, char** argv) {
       "dense .bin; or an HDF5 file with a group per image");
   BindOptions(&options, &command);
   if (const auto exit_code = command.Parse(argc, argv)) return *exit_code;
-  std::string error;
-  if (!options.IsValid(&error)) {
-    std::cerr << "ERROR: " << error << std::endl;
-    return 2;
-  }
+  CheckOptions(options);
   const DepthImportSummary summary =
       ImportDepthMaps(database_path, depth_path, options);
   std::cout << summary.ToText() << std::flush;

@@ -4,6 +4,7 @@
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -23,6 +24,23 @@ TEST(RunCommand, PassesResultAndTranslatesExceptions) {
             Result(1, "ERROR: bad x\n"));
   EXPECT_EQ(run([](int, char**) -> int { throw std::bad_alloc(); }),
             Result(1, "ERROR: out of memory\n"));
+}
+
+TEST(RunCommand, OptionsOutOfTheirBoundsAreWrongUsage) {
+  std::vector<std::string> arguments = {"colmap",
+                                        "--database_path=missing.db",
+                                        "--output_path=missing",
+                                        "--max_num_tracks=-1"};
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunCommand(*FindCommand("depth_global_mapper"),
+                       static_cast<int>(argv.size()),
+                       argv.data()),
+            2);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(),
+            "ERROR: max_num_tracks must be >= 0, but is -1\n"
+            "See: colmap depth_global_mapper --help\n");
 }
 
 TEST(RunCommand, FullOrClosedStandardOutputIsAnError) {
