@@ -106,6 +106,11 @@ void BindRefinement(ModelRefinementOptions* options,
       .Add("max_completion_error",
            &options->max_completion_error_px,
            "largest error when tracks are completed and merged [px]")
+      .Add("max_neighbor_distance_ratio",
+           &options->max_neighbor_distance_ratio,
+           "points of two images are removed if their distance from a camera "
+           "differs by more than this factor from that of all neighbours in "
+           "the image (0 = off)")
       .Add("min_num_points_per_image",
            &options->min_num_points_per_image,
            "images with fewer points are not registered");

@@ -8,6 +8,7 @@
 #include "sfm/mapping/match_errors.h"
 #include "sfm/mapping/model_access.h"
 #include "sfm/mapping/model_refinement.h"
+#include "sfm/mapping/stray_points.h"
 #include "sfm/mapping/track_completion.h"
 
 #include <colmap/base/correspondence_graph.h>
@@ -276,12 +277,17 @@ void CompleteTracks(const MappingContext& context,
           .Add("images_registered", double(resection.num_registered));
     }
     // Better poses agree with more matches than those of the round before.
-    const size_t num_gained =
+    size_t num_gained =
         Retriangulate(context.options.refinement,
                       context.options.skip_match_completion
                           ? InliersOf(pairs, *progress)
                           : AgreeingMatchesOf(context, pairs, *progress),
                       &model);
+    // Points of two images that are stray would pull at the poses.
+    num_gained -= std::min(num_gained,
+                           RemoveStrayPoints(context.options.refinement,
+                                             context.verification.num_threads,
+                                             &model));
     timer.Add("observations_gained", double(num_gained));
     // In the first round, observations that are far off may pull a pose out of
     // a valley; later they are wrong.

@@ -262,7 +262,7 @@ TEST_F(PairShards, LeavesFilesAloneThatAreNoShards) {
   EXPECT_EQ(RunForTest(&RunDepthGeometricVerifier,
                        {"--database_path", path_, "--num_shards", "2"})
                 .code,
-            1);
+            2);
   EXPECT_EQ(RunForTest(&RunDepthGeometricVerifier,
                        {"--database_path",
                         path_,
