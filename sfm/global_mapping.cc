@@ -297,7 +297,7 @@ DepthGlobalMapperResult RunGlobalMapping(
   DropStaticBackground(options, verification, *depths, scene, pairs, &log);
   result.dropped_depths =
       DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
-  FilterPairs(options, pair_scores, pairs, &log);
+  FilterPairs(options, *scene, pair_scores, pairs, &log);
   JudgePairsByPosition(options.georeferencing, scene->pose_priors, pairs, &log);
   result.focals =
       AverageFocals(options, verification, *depths, scene, pairs, &log);

@@ -12,6 +12,10 @@
 
 namespace dgsfm {
 
+// Begins the names of the figures that count pairs by the status by which a
+// stage took them out.
+inline const std::string kFilteredPrefix = "filtered_";
+
 struct StageReport {
   std::string stage;
   // Counts in and out and other figures, in the order they were added.

@@ -115,6 +115,22 @@ std::string DescribePairs(const Reports& reports) {
                "deleted, as matches, depths or options changed");
 }
 
+// Pairs that filters of the view graph took out, by status.
+std::string DescribeFiltered(const Reports& reports) {
+  std::string text;
+  for (const StageReport& report : reports) {
+    for (const auto& [figure, count] : report.figures) {
+      if (figure.rfind(kFilteredPrefix, 0) != 0) continue;
+      text +=
+          IfAny(static_cast<size_t>(count),
+                "pair",
+                "left out (" +
+                    WithSpaces(figure.substr(kFilteredPrefix.size())) + ")");
+    }
+  }
+  return text;
+}
+
 std::string DescribeCameras(const Reports& reports) {
   std::string sources;
   for (const StageReport& report : reports) {
@@ -133,12 +149,7 @@ std::string DescribeCameras(const Reports& reports) {
                "group",
                "of key points at rest left out") +
          IfAny(reports.Count("maps_dropped"), "depth map", "left out") +
-         IfAny(reports.Count("low_pair_score", "view_graph_filter"),
-               "pair",
-               "of low score left out") +
-         IfAny(reports.Count("low_triplet_support", "view_graph_filter"),
-               "pair",
-               "of low triplet support left out");
+         DescribeFiltered(reports);
 }
 
 std::string DescribeRotations(const Reports& reports) {

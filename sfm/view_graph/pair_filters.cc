@@ -69,11 +69,15 @@ size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
   return num_filtered;
 }
 
-void ApplyPairFilters(const ViewGraphFilterOptions& options,
-                      const PairScores& scores,
-                      PairGeometries* pairs) {
-  FilterByPairScore(options, scores, pairs);
-  FilterByTripletSupport(options, pairs);
+std::map<PairStatus, size_t> ApplyPairFilters(
+    const ViewGraphFilterOptions& options,
+    const Scene& /*scene*/,
+    const PairScores& scores,
+    PairGeometries* pairs) {
+  return {
+      {PairStatus::LOW_PAIR_SCORE, FilterByPairScore(options, scores, pairs)},
+      {PairStatus::LOW_TRIPLET_SUPPORT, FilterByTripletSupport(options, pairs)},
+  };
 }
 
 }  // namespace dgsfm

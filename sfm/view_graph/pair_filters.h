@@ -1,11 +1,11 @@
 // Filters that take pairs out of the view graph, each with its reason as
-// PairStatus. A new one has its option, function and call here, its status in
-// colmap_ext/pair_geometry.h, a line in the command's options, and a test.
+// PairStatus. docs/contributing.md lists what a new one needs.
 
 #pragma once
 
 #include "sfm/verification/pair_verification.h"
 
+#include <cstddef>
 #include <map>
 #include <string>
 
@@ -37,9 +37,12 @@ size_t FilterByPairScore(const ViewGraphFilterOptions& options,
 size_t FilterByTripletSupport(const ViewGraphFilterOptions& options,
                               PairGeometries* pairs);
 
-// All filters, in their order.
-void ApplyPairFilters(const ViewGraphFilterOptions& options,
-                      const PairScores& scores,
-                      PairGeometries* pairs);
+// All filters, in their order. Returns the numbers of pairs that they took out,
+// by status.
+std::map<PairStatus, size_t> ApplyPairFilters(
+    const ViewGraphFilterOptions& options,
+    const Scene& scene,
+    const PairScores& scores,
+    PairGeometries* pairs);
 
 }  // namespace dgsfm

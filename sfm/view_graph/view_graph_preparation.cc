@@ -250,14 +250,20 @@ KeypointDepthMap DropUnreliableDepths(
 }
 
 void FilterPairs(const DepthGlobalMapperOptions& options,
+                 const Scene& scene,
                  const PairScores& pair_scores,
                  PairGeometries* pairs,
                  MappingLog* log) {
   StageTimer timer("view_graph_filter");
-  ApplyPairFilters(options.view_graph,
-                   options.skip_pair_scores ? PairScores() : pair_scores,
-                   pairs);
+  const auto num_filtered =
+      ApplyPairFilters(options.view_graph,
+                       scene,
+                       options.skip_pair_scores ? PairScores() : pair_scores,
+                       pairs);
   timer.Add(CountPairs(*pairs));
+  for (const auto& [status, count] : num_filtered) {
+    timer.Add(kFilteredPrefix + PairStatusName(status), double(count));
+  }
   timer.Finish(&log->stages);
 }
 

@@ -28,8 +28,9 @@ KeypointDepthMap DropUnreliableDepths(
     PairGeometries* pairs,
     MappingLog* log);
 
-// Filters by imported scores and by triplet support.
+// Filters by what single pairs and their neighbours show, see pair_filters.h.
 void FilterPairs(const DepthGlobalMapperOptions& options,
+                 const Scene& scene,
                  const PairScores& pair_scores,
                  PairGeometries* pairs,
                  MappingLog* log);

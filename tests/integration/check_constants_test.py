@@ -49,6 +49,13 @@ class CheckConstantsTest(unittest.TestCase):
                 faults = self.check(SOURCE, rows)
                 self.assertTrue(any("has no row" in fault for fault in faults))
 
+    def test_defaults_that_are_off_need_no_row(self):
+        field = "  // Bound, 0 = off.\n  double bound = 0;\n};\ndouble Twice"
+        source = SOURCE.replace("};\ndouble Twice", field)
+        self.assertEqual(self.check(source, ROWS), [])
+        on = source.replace("bound = 0", "bound = 5")
+        self.assertEqual(len(self.check(on, ROWS)), 1)
+
     def test_finds_rows_whose_constant_is_gone(self):
         for old, new in [("kA", "kB"), ("count", "size"), ("2 * x", "x + x")]:
             with self.subTest(old=old):

@@ -90,7 +90,11 @@ TEST(StageStory, DescribesThePreparation) {
                      {"too_few_inliers", 1},
                      {"valid_planar", 3}}),
              Report("depth_reliability", 1, {{"maps_dropped", 1}}),
-             Report("view_graph_filter", 0, {{"valid", 90}}),
+             Report("view_graph_filter",
+                    0,
+                    {{"valid", 88},
+                     {"filtered_low_pair_score", 2},
+                     {"filtered_low_triplet_support", 0}}),
              Report("focal_averaging", 0, {{"pairs", 2}, {"view_graph", 1}}),
              Report("reverification", 1, {{"pairs_verified", 4}})}),
       ElementsAre("Database: 1,000 images, 15,000 matched pairs, 1 camera (1 "
@@ -99,7 +103,8 @@ TEST(StageStory, DescribesThePreparation) {
                   "Pairs: 90 of 93 valid; 2 no geometry, 1 too few inliers; 3 "
                   "pairs verified before (75 s)",
                   "Focal lengths: 2 cameras by pairs, 1 camera by view graph; "
-                  "4 pairs verified with these; 1 depth map left out (2.0 s)"));
+                  "4 pairs verified with these; 1 depth map left out; 2 pairs "
+                  "left out (low pair score) (2.0 s)"));
 }
 
 TEST(StageStory, DescribesAModelWithOneSentenceForRepeatedStages) {
