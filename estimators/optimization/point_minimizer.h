@@ -28,6 +28,9 @@ struct PointMinimizerOptions {
   // Whether points that lag behind the cameras are refined by themselves
   // between steps: not where cameras have far to go, whom this would hold back.
   bool refine_points = true;
+  // Damping of the first step, relative to the diagonal of the normal equations
+  // [1]. It holds back what hardly changes the cost.
+  double initial_damping = 1e-4;
   // Smallest ratio of the damping to that of the step before [1].
   double min_damping_ratio = 1.0 / 3;
   int num_threads = 1;
@@ -145,7 +148,7 @@ class PointMinimizer {
   }
 
  private:
-  static constexpr double kInitialDamping = 1e-4;
+  static constexpr double kPointDamping = 1e-4;
   static constexpr double kMaxDamping = 1e16;
   static constexpr double kMinGain = 1e-3;
   static constexpr double kRoundingShare = 1e-12;
@@ -206,7 +209,7 @@ class PointMinimizer {
   double RefinePoint(int point, double min_decrease, Row* rows) {
     double total = 0;
     double cost = -1;
-    double damping = kInitialDamping;
+    double damping = kPointDamping;
     for (int i = 0; i < kMaxNumPointIterations; ++i) {
       const auto [hessian, gradient] =
           elimination_.NormalEquations(point, rows);
@@ -284,7 +287,7 @@ class PointMinimizer {
   typename Problem::Triplets terms_;
   Eigen::VectorXd terms_gradient_;
   ReducedSystem system_;
-  double damping_ = kInitialDamping;
+  double damping_ = options_.initial_damping;
   double growth_ = 2;
   Eigen::VectorXd diagonal_;
   Eigen::VectorXd gradient_;

@@ -26,10 +26,11 @@ constexpr size_t kMinNumObservationsPerCamera = 50;
 constexpr size_t kMinNumObservationsForThreads = 10000;
 
 // Images from which on models are adjusted as those that drift are: by poses
-// that turn about their points, and by steps whose damping falls faster.
-// Drift over thousands of images moves only so. Models of few images come out
-// worse: what they leave open goes further than it should.
+// that turn about their points, and by steps that are hardly damped, less and
+// less so. Drift over thousands of images moves only so. Models of few images
+// come out worse: what they leave open goes further than it should.
 constexpr size_t kMinNumImagesWithDrift = 2000;
+constexpr double kInitialDampingWithDrift = 1e-9;
 constexpr double kDampingRatioWithDrift = 0.1;
 
 // Loss scale that fits key points [median error], ...
@@ -110,6 +111,7 @@ class ModelBundle {
     PointMinimizerOptions options;
     options.label = "Bundle adjustment";
     if (bundle_.images.size() >= kMinNumImagesWithDrift) {
+      options.initial_damping = kInitialDampingWithDrift;
       options.min_damping_ratio = kDampingRatioWithDrift;
       bundle_.turn_about_points = true;
     }

@@ -364,6 +364,18 @@ TEST(SolveBundle, TurnsAboutPointsFindTheSameMinimum) {
   }
 }
 
+TEST(SolveBundle, DampingHoldsTheFirstStepBack) {
+  std::vector<double> costs;
+  for (const double damping : {1.0, 1e-9}) {
+    Bundle bundle = Disturbed(TrueBundle({false, 0.5}));
+    PointMinimizerOptions options = Converging();
+    options.max_num_iterations = 1;
+    options.initial_damping = damping;
+    costs.push_back(SolveBundle(options, kLoss, &bundle).final_cost);
+  }
+  EXPECT_LT(costs[1], costs[0]);
+}
+
 TEST(SolveBundle, RefinesSensors) {
   const Bundle truth = TrueRigBundle();
   Bundle bundle = DisturbedFrames(truth);
