@@ -358,6 +358,7 @@ void ApplyPaperPreset(GlobalDepthMapperOptions* options) {
   refinement.global_positioning.function_tolerance = kPaperTolerance;
   refinement.num_bundle_adjustment_rounds = 3;
   refinement.min_num_triangulated_per_image = 0;
+  refinement.max_neighbor_distance_ratio = 0;
   refinement.refine_principal_point = false;
   BundleAdjustmentOptions& adjustment = refinement.bundle_adjustment;
   adjustment.max_num_iterations = 100;

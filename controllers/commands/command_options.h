@@ -132,7 +132,7 @@ struct CommandDescription {
 // ends the command with exit code 0 and prints nothing.
 CommandDescription DescribeOptions(const std::function<int()>& run);
 
-// Options of a command that cannot be.
+// Options that a command cannot run with.
 struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

@@ -137,7 +137,10 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
       .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
       .Above("max_epipolar_error_px", max_epipolar_error_px, 0)
       .Above("max_completion_error_px", max_completion_error_px, 0)
-      .AtLeast("max_neighbor_distance_ratio", max_neighbor_distance_ratio, 0)
+      .AtLeast(
+          "max_neighbor_distance_ratio",
+          max_neighbor_distance_ratio == 0 ? 1 : max_neighbor_distance_ratio,
+          1)
       .AtLeast("num_bundle_adjustment_rounds", num_bundle_adjustment_rounds, 0)
       .AtLeast("min_triangulation_angle_deg", min_triangulation_angle_deg, 0)
       .AtLeast(

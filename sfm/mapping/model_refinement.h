@@ -46,7 +46,7 @@ struct ModelRefinementOptions {
   double max_completion_error_px = 4.0;
   // Points of two images are removed after retriangulation if their distance
   // from a camera is more than this factor off that of all their neighbours in
-  // the image; 0 = off.
+  // the image; at least 1, 0 = off.
   double max_neighbor_distance_ratio = 1.15;
   // Images with fewer points than this are not registered.
   int min_num_points_per_image = 10;

@@ -45,11 +45,12 @@ bool IsStray(const NeighborTree& tree,
   tree.query(bg::index::nearest(candidate.position, kNumNeighbors) &&
                  bg::index::satisfies(is_elsewhere),
              std::back_inserter(neighbors));
-  return std::none_of(
-      neighbors.begin(), neighbors.end(), [&](const Neighbor& neighbor) {
-        return std::max(candidate.distance, neighbor.second) <=
-               max_ratio * std::min(candidate.distance, neighbor.second);
-      });
+  return !neighbors.empty() &&
+         std::none_of(
+             neighbors.begin(), neighbors.end(), [&](const Neighbor& neighbor) {
+               return std::max(candidate.distance, neighbor.second) <=
+                      max_ratio * std::min(candidate.distance, neighbor.second);
+             });
 }
 
 // Points of two images that are stray in this one.

@@ -4,6 +4,7 @@
 #include "sfm/mapping/model_access.h"
 
 #include <set>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -93,6 +94,25 @@ TEST_F(RemoveStrayPointsTest, KeepsPointsThatAreNotTriangulated) {
   ModelRefinementOptions options;
   options.min_triangulation_angle_deg = 90;
   EXPECT_EQ(Remove(options), 0);
+}
+
+TEST_F(RemoveStrayPointsTest, KeepsPointsWithoutNeighbors) {
+  for (const colmap::point3D_t point_id : SortedPoints(model_)) {
+    if (point_id != pairs_[0]) model_.DeletePoint3D(point_id);
+  }
+  ModelRefinementOptions options;
+  options.min_num_triangulated_per_image = 0;
+  EXPECT_EQ(Remove(options), 0);
+}
+
+TEST_F(RemoveStrayPointsTest, RatiosBelowOneAreInvalid) {
+  ModelRefinementOptions options;
+  std::string error;
+  options.max_neighbor_distance_ratio = 0;
+  EXPECT_TRUE(options.IsValid(&error));
+  options.max_neighbor_distance_ratio = 0.5;
+  EXPECT_FALSE(options.IsValid(&error));
+  EXPECT_EQ(error, "max_neighbor_distance_ratio must be >= 1, but is 0.5");
 }
 
 TEST_F(RemoveStrayPointsTest, KeepsPointsWhereAnImageHasFewOthers) {
