@@ -13,8 +13,9 @@ packages=(
   # Libraries of COLMAP's core and of ours.
   libboost-filesystem-dev libboost-program-options-dev libboost-system-dev
   libceres-dev libeigen3-dev libfreeimage-dev libgoogle-glog-dev libhdf5-dev
-  libisal-dev libmetis-dev libopenexr-dev libpng-dev libsqlite3-dev
-  libsuitesparse-dev libtiff-dev libzip-dev nlohmann-json3-dev zlib1g-dev
+  libisal-dev libmetis-dev libopenblas-serial-dev libopenexr-dev libpng-dev
+  libsqlite3-dev libsuitesparse-dev libtiff-dev libzip-dev nlohmann-json3-dev
+  zlib1g-dev
   # Tests.
   libgmock-dev libgtest-dev
   # The program that extracts and matches features.

@@ -1,5 +1,6 @@
 #include "sfm/memory_prediction.h"
 
+#include "estimators/optimization/point_minimizer.h"
 #include "estimators/optimization/reduced_system.h"
 
 #include <algorithm>
@@ -31,9 +32,9 @@ constexpr double kBytesPerKeypointOfModel = 28;
 // Bytes of a matched key point, whether or not it becomes an observation.
 constexpr double kBytesPerMatchedKeypoint = 75;
 constexpr double kBytesPerObservation = 130;
-constexpr double kBytesPerFactorBlock = 2 * 36 * sizeof(double);
-constexpr double kMaxFactorBytes =
-    ReducedSystem::kMaxNumFactorEntries * sizeof(double);
+constexpr double kNumEntriesPerFactorBlock = 36;
+// Derivatives of an observation, where the factor would be too large.
+constexpr double kBytesPerRow = 88;
 // Intrinsics are judged by so many images at most.
 constexpr double kNumCalibrationImages = 200;
 constexpr double kBytesPerCalibrationImage = 0.45e6;
@@ -74,10 +75,13 @@ class MatchCounter {
       size_.num_matched_keypoints.push_back(
           size_t(std::count(is_matched.begin(), is_matched.end(), true)));
     }
-    size_.num_factor_blocks = ReducedSystem::NumFactorEntries(
-        int(size_.num_images), [this](const auto& couple) {
-          for (const auto& [image1, image2] : links_) couple(image1, image2);
-        });
+    size_.num_factor_blocks = ReducedSystem::SizeOfFactor(
+                                  int(size_.num_images),
+                                  [this](const auto& couple) {
+                                    for (const auto& [image1, image2] : links_)
+                                      couple(image1, image2);
+                                  })
+                                  .num_entries;
     return std::move(size_);
   }
 
@@ -115,6 +119,14 @@ double NumObservations(const TrackOptions& options, const MappingSize& size) {
         std::min(count, kNumObservationsOfLongTrack * options.max_num_tracks);
   }
   return count;
+}
+
+// The factor and the matrix, or what conjugate gradients need instead.
+double SolverBytes(const TrackOptions& options, const MappingSize& size) {
+  const double num_entries = kNumEntriesPerFactorBlock * size.num_factor_blocks;
+  return num_entries <= PointMinimizerOptions().max_num_factor_entries
+             ? 2 * sizeof(double) * num_entries
+             : kBytesPerRow * NumObservations(options, size);
 }
 
 std::string Text(double gb) {
@@ -173,7 +185,7 @@ double PredictMemoryGb(const TrackOptions& options, const MappingSize& size) {
       kBytesPerMatchedKeypoint * num_matched +
       kBytesPerObservation * NumObservations(options, size) +
       kBytesPerCalibrationImage * std::min(num_images, kNumCalibrationImages) +
-      std::min(kBytesPerFactorBlock * size.num_factor_blocks, kMaxFactorBytes);
+      SolverBytes(options, size);
   return (scene + std::max(joining, adjusting)) / kBytesPerGb;
 }
 

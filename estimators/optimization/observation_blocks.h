@@ -16,15 +16,30 @@ struct ObservationIndex {
   std::vector<int> points;
 };
 
+// Where the observations of each point are.
+class PointRanges {
+ public:
+  // The observations must outlive this.
+  explicit PointRanges(const ObservationIndex& observations);
+
+  int Begin(int point) const { return begin_[point]; }
+  int End(int point) const { return begin_[point + 1]; }
+
+  // Number of pairs of an observation with itself and those that follow it at
+  // its point.
+  int NumPairsFrom(int k) const { return End(observations_.points[k]) - k; }
+
+ private:
+  const ObservationIndex& observations_;
+  std::vector<int> begin_;
+};
+
 // One block a pair of cameras with a common point; those of a camera follow
 // each other, by the second camera, the first of them the diagonal.
 class ObservationBlocks {
  public:
-  // The observations must outlive this.
-  explicit ObservationBlocks(const ObservationIndex& observations);
-
-  int PointBegin(int point) const { return point_begin_[point]; }
-  int PointEnd(int point) const { return point_begin_[point + 1]; }
+  ObservationBlocks(const ObservationIndex& observations,
+                    const PointRanges& ranges);
 
   size_t NumBlocks() const { return block_cameras_.size(); }
   size_t BlockBegin(int camera) const { return block_begin_[camera]; }
@@ -32,18 +47,7 @@ class ObservationBlocks {
   // The second camera of a block.
   int OtherCamera(size_t block) const { return block_cameras_[block]; }
 
-  // Number of pairs of an observation with itself and those that follow it at
-  // its point.
-  int NumPairsFrom(int k) const {
-    return PointEnd(observations_.points[k]) - k;
-  }
-
  private:
-  void IndexPoints();
-  void IndexBlocks();
-
-  const ObservationIndex& observations_;
-  std::vector<int> point_begin_;
   std::vector<size_t> block_begin_;
   std::vector<int> block_cameras_;
 };
@@ -52,8 +56,8 @@ class ObservationBlocks {
 // about equal work.
 class ChunkByCamera {
  public:
-  ChunkByCamera(const ObservationBlocks& blocks,
-                const ObservationIndex& observations,
+  ChunkByCamera(const ObservationIndex& observations,
+                const PointRanges& ranges,
                 int first_point,
                 int last_point,
                 int num_ranges);

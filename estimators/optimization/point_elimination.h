@@ -12,7 +12,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <optional>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -33,12 +35,20 @@ template <int kResidual, int kCamera>
 class PointElimination {
  public:
   using CameraColumns = std::array<int, kCamera>;
+  using CameraVector = Eigen::Matrix<double, kCamera, 1>;
+  using CameraMatrix = Eigen::Matrix<double, kCamera, kCamera>;
   // A residual with its derivatives, transposed.
   struct Row {
     Eigen::Matrix<double, kResidual, 1> residual;
     Eigen::Matrix<double, kCamera, kResidual> by_camera;
     Eigen::Matrix<double, 3, kResidual> by_point;
   };
+  struct PointBlock {
+    Eigen::Matrix3d hessian;
+    Eigen::Matrix3d inverse;
+    Eigen::Vector3d gradient;
+  };
+
   // Computes the row of an observation; called by several threads.
   using Linearizer = std::function<void(int observation, Row* row)>;
   // Takes a point and its rows, and may move the point and compute the rows
@@ -54,16 +64,16 @@ class PointElimination {
         columns_(camera_columns),
         linearizer_(std::move(linearizer)),
         num_threads_(EffectiveNumThreads(num_threads)),
+        ranges_(observations),
         point_blocks_(observations.num_points),
-        camera_blocks_(observations.num_cameras),
-        index_(observations),
-        blocks_(index_.NumBlocks()) {
+        camera_blocks_(observations.num_cameras) {
     DGSFM_CHECK(columns_.size() == size_t(observations_.num_cameras));
+    DivideColumns();
   }
 
   // The observations of a point are contiguous.
-  int PointBegin(int point) const { return index_.PointBegin(point); }
-  int PointEnd(int point) const { return index_.PointEnd(point); }
+  int PointBegin(int point) const { return ranges_.Begin(point); }
+  int PointEnd(int point) const { return ranges_.End(point); }
 
   // J^T J and J^T r of a point by its rows.
   std::pair<Eigen::Matrix3d, Eigen::Vector3d> NormalEquations(
@@ -77,14 +87,23 @@ class PointElimination {
     return {hessian, gradient};
   }
 
+  // Blocks of the reduced matrix, which are listed when they are first asked
+  // for.
+  const ObservationBlocks& Blocks() {
+    if (!index_) index_.emplace(observations_, ranges_);
+    return *index_;
+  }
+  void ReleaseBlocks() { index_.reset(); }
+
   // Calls function(column1, column2) for the pairs of columns that the reduced
   // system couples, some of them several times.
   template <typename Function>
-  void ForEachCoupling(const Function& function) const {
+  void ForEachCoupling(const Function& function) {
+    const ObservationBlocks& index = Blocks();
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+      for (size_t b = index.BlockBegin(camera); b < index.BlockEnd(camera);
            ++b) {
-        for (const int column2 : columns_[index_.OtherCamera(b)]) {
+        for (const int column2 : columns_[index.OtherCamera(b)]) {
           for (const int column1 : columns_[camera]) {
             if (column1 >= 0 && column2 >= 0) function(column1, column2);
           }
@@ -132,24 +151,22 @@ class PointElimination {
   // themselves; adds the reduced matrix and right side -J^T r to the system.
   // The diagonals of the cameras are not damped.
   void Eliminate(double damping, ReducedSystem* system, Eigen::VectorXd* rhs) {
-    for (auto& block : blocks_) block.setZero();
+    blocks_.assign(Blocks().NumBlocks(), CameraMatrix::Zero());
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
       CameraBlock& block = camera_blocks_[camera];
-      blocks_[index_.BlockBegin(camera)] = block.hessian;
+      blocks_[index_->BlockBegin(camera)] = block.hessian;
       block.rhs = -block.gradient;
     }
     ForEachChunk(
         [&](int point, Row*) {
-          PointBlock& block = point_blocks_[point];
-          Eigen::Matrix3d damped = block.hessian;
-          damped.diagonal() += damping * Damped(block.hessian.diagonal());
-          block.inverse = damped.llt().solve(Eigen::Matrix3d::Identity());
+          Invert(point_blocks_[point].hessian, damping, point);
         },
         [&](const int* begin, const int* end) { EliminateOf(begin, end); });
+    ParallelFor(size_t(observations_.num_cameras), num_threads_, [&](size_t i) {
+      AddBlocksOf(int(i), system);
+    });
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      AddBlocksOf(camera, system);
-    }
-    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      AddSharedEntriesOf(camera, system);
       AddSharedColumnsOf(camera, system);
       for (int i = 0; i < kCamera; ++i) {
         const int column = columns_[camera][i];
@@ -174,7 +191,7 @@ class PointElimination {
       const PointBlock& block = point_blocks_[point];
       Eigen::Vector3d gradient = block.gradient;
       Row row;
-      for (int k = index_.PointBegin(point); k < index_.PointEnd(point); ++k) {
+      for (int k = ranges_.Begin(point); k < ranges_.End(point); ++k) {
         linearizer_(k, &row);
         const Eigen::Matrix<double, kResidual, 1> change =
             row.by_camera.transpose().lazyProduct(
@@ -208,40 +225,6 @@ class PointElimination {
     return diagonal.cwiseMax(kMinDiagonal);
   }
 
- private:
-  using CameraVector = Eigen::Matrix<double, kCamera, 1>;
-  using CameraMatrix = Eigen::Matrix<double, kCamera, kCamera>;
-
-  static constexpr double kMinDiagonal = 1e-12;
-  // Observations whose rows are computed at a time, or those of one point, and
-  // points that a thread goes through at a time.
-  static constexpr int kChunkSize = 16384;
-  static constexpr int kNumPointsPerItem = 100;
-
-  struct PointBlock {
-    Eigen::Matrix3d hessian;
-    Eigen::Matrix3d inverse;
-    Eigen::Vector3d gradient;
-  };
-  struct CameraBlock {
-    CameraMatrix hessian;
-    CameraVector gradient;
-    CameraVector rhs;
-  };
-
-  const Row& RowOf(int k) const { return rows_[k - first_row_]; }
-
-  template <typename Function>
-  void ForPoints(int first, int last, const Function& function) const {
-    const int num_items =
-        (last - first + kNumPointsPerItem - 1) / kNumPointsPerItem;
-    ParallelFor(num_items, num_threads_, [&](size_t item) {
-      const int begin = first + int(item) * kNumPointsPerItem;
-      const int end = std::min(last, begin + kNumPointsPerItem);
-      for (int point = begin; point < end; ++point) function(point);
-    });
-  }
-
   // Goes through the points chunk by chunk: computes the rows of a chunk, calls
   // visit(point, rows) for its points, and then reduce(begin, end) for lists of
   // its observations, those of one camera in one list and in their order.
@@ -265,12 +248,50 @@ class PointElimination {
         visit(point, rows);
       });
       const ChunkByCamera by_camera(
-          index_, observations_, first, last, num_threads_);
+          observations_, ranges_, first, last, num_threads_);
       ParallelFor(by_camera.NumRanges(), num_threads_, [&](size_t range) {
         reduce(by_camera.Begin(range), by_camera.End(range));
       });
       first = last;
     }
+  }
+
+  const Row& RowOf(int k) const { return rows_[k - first_row_]; }
+
+  // Holds the inverse of J^T J of a point, damped.
+  void Invert(Eigen::Matrix3d hessian, double damping, int point) {
+    PointBlock& block = point_blocks_[point];
+    hessian.diagonal() += damping * Damped(block.hessian.diagonal());
+    block.inverse = hessian.llt().solve(Eigen::Matrix3d::Identity());
+  }
+
+  const PointBlock& Point(int point) const { return point_blocks_[point]; }
+  const CameraVector& CameraGradient(int camera) const {
+    return camera_blocks_[camera].gradient;
+  }
+
+ private:
+  struct CameraBlock {
+    CameraMatrix hessian;
+    CameraVector gradient;
+    CameraVector rhs;
+  };
+
+  static constexpr double kMinDiagonal = 1e-12;
+  // Observations whose rows are computed at a time, or those of one point, and
+  // points that a thread goes through at a time.
+  static constexpr int kChunkSize = 16384;
+  static constexpr int kNumPointsPerItem = 100;
+
+  template <typename Function>
+  void ForPoints(int first, int last, const Function& function) const {
+    const int num_items =
+        (last - first + kNumPointsPerItem - 1) / kNumPointsPerItem;
+    ParallelFor(num_items, num_threads_, [&](size_t item) {
+      const int begin = first + int(item) * kNumPointsPerItem;
+      const int end = std::min(last, begin + kNumPointsPerItem);
+      for (int point = begin; point < end; ++point) function(point);
+    });
   }
 
   // block -= left right^T, in loops that the compiler vectorises for the
@@ -298,9 +319,10 @@ class PointElimination {
       const int k = *next;
       const int camera = observations_.cameras[k];
       if (camera != last_camera) {
-        for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+        for (size_t b = index_->BlockBegin(camera);
+             b < index_->BlockEnd(camera);
              ++b) {
-          blocks[index_.OtherCamera(b)] = &blocks_[b];
+          blocks[index_->OtherCamera(b)] = &blocks_[b];
         }
         last_camera = camera;
       }
@@ -311,7 +333,7 @@ class PointElimination {
       const Eigen::Matrix<double, kResidual, 1> shift =
           projected.lazyProduct(point_block.gradient);
       camera_blocks_[camera].rhs += row.by_camera.lazyProduct(shift);
-      for (int i = 0; i < index_.NumPairsFrom(k); ++i) {
+      for (int i = 0; i < ranges_.NumPairsFrom(k); ++i) {
         const int other_camera = observations_.cameras[k + i];
         const Row& other_row = RowOf(k + i);
         const Eigen::Matrix<double, kResidual, kResidual> core =
@@ -336,24 +358,72 @@ class PointElimination {
     }
   }
 
+  // Columns of one camera alone, whose entries no two blocks have in common,
+  // and the others; -1 = none.
+  void DivideColumns() {
+    std::vector<int> owners;
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      for (const int column : columns_[camera]) {
+        if (column < 0) continue;
+        if (column >= int(owners.size())) owners.resize(column + 1, -1);
+        owners[column] =
+            owners[column] < 0 ? camera : observations_.num_cameras;
+      }
+    }
+    for (const CameraColumns& columns : columns_) {
+      own_columns_.push_back(columns);
+      shared_columns_.push_back(columns);
+      has_shared_columns_.push_back(false);
+      for (int i = 0; i < kCamera; ++i) {
+        if (columns[i] < 0) continue;
+        const bool is_shared = owners[columns[i]] == observations_.num_cameras;
+        (is_shared ? own_columns_ : shared_columns_).back()[i] = -1;
+        if (is_shared) has_shared_columns_.back() = true;
+      }
+    }
+  }
+
   // Blocks on the diagonal count with one half.
   void AddBlocksOf(int camera, ReducedSystem* system) const {
-    for (size_t b = index_.BlockBegin(camera); b < index_.BlockEnd(camera);
+    for (size_t b = index_->BlockBegin(camera); b < index_->BlockEnd(camera);
          ++b) {
-      const int other = index_.OtherCamera(b);
-      system->AddBlock(columns_[camera].data(),
-                       columns_[other].data(),
-                       kCamera,
-                       camera == other,
-                       blocks_[b].data());
+      AddBlock(camera, b, own_columns_, own_columns_, system);
     }
+  }
+
+  // The entries of columns that several cameras have.
+  void AddSharedEntriesOf(int camera, ReducedSystem* system) const {
+    for (size_t b = index_->BlockBegin(camera); b < index_->BlockEnd(camera);
+         ++b) {
+      if (has_shared_columns_[index_->OtherCamera(b)]) {
+        AddBlock(camera, b, own_columns_, shared_columns_, system);
+      }
+      if (has_shared_columns_[camera]) {
+        AddBlock(camera, b, shared_columns_, columns_, system);
+      }
+    }
+  }
+
+  void AddBlock(int camera,
+                size_t b,
+                const std::vector<CameraColumns>& columns,
+                const std::vector<CameraColumns>& other_columns,
+                ReducedSystem* system) const {
+    const int other = index_->OtherCamera(b);
+    system->AddBlock(columns[camera].data(),
+                     other_columns[other].data(),
+                     kCamera,
+                     camera == other,
+                     blocks_[b].data());
   }
 
   // Both halves of the matrix meet on its diagonal.
   void AddSharedColumnsOf(int camera, ReducedSystem* system) const {
-    for (size_t b = index_.BlockBegin(camera) + 1; b < index_.BlockEnd(camera);
+    if (!has_shared_columns_[camera]) return;
+    for (size_t b = index_->BlockBegin(camera) + 1;
+         b < index_->BlockEnd(camera);
          ++b) {
-      const CameraColumns& others = columns_[index_.OtherCamera(b)];
+      const CameraColumns& others = columns_[index_->OtherCamera(b)];
       for (int j = 0; j < kCamera; ++j) {
         for (int i = 0; i < kCamera; ++i) {
           const int column = columns_[camera][i];
@@ -366,14 +436,18 @@ class PointElimination {
 
   const ObservationIndex& observations_;
   const std::vector<CameraColumns>& columns_;
+  std::vector<CameraColumns> own_columns_;
+  std::vector<CameraColumns> shared_columns_;
+  std::vector<bool> has_shared_columns_;
   const Linearizer linearizer_;
   const int num_threads_;
+  const PointRanges ranges_;
   // Index of the observation of the first row held.
   std::vector<Row> rows_;
   int first_row_ = 0;
   std::vector<PointBlock> point_blocks_;
   std::vector<CameraBlock> camera_blocks_;
-  const ObservationBlocks index_;
+  std::optional<ObservationBlocks> index_;
   std::vector<CameraMatrix> blocks_;
 };
 

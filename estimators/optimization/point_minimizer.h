@@ -3,6 +3,8 @@
 #pragma once
 
 #include "colmap_ext/progress.h"
+#include "estimators/optimization/column_order.h"
+#include "estimators/optimization/implicit_reduction.h"
 #include "estimators/optimization/point_elimination.h"
 #include "estimators/optimization/reduced_system.h"
 
@@ -10,6 +12,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,9 +37,12 @@ struct PointMinimizerOptions {
   // Smallest ratio of the damping to that of the step before [1].
   double min_damping_ratio = 1.0 / 3;
   int num_threads = 1;
-  // Entries of the factor of the reduced system above which steps come from
-  // conjugate gradients.
-  double max_num_factor_entries = ReducedSystem::kMaxNumFactorEntries;
+  // Entries of the factor of the reduced system, of 8 bytes each, above which
+  // steps come from conjugate gradients.
+  double max_num_factor_entries = 2e8;
+  // Floating-point operations that form the factor, about a second's, above
+  // which they do so while that takes less time.
+  double max_num_factor_operations = 3e10;
 };
 
 struct PointMinimizerSummary {
@@ -96,11 +102,20 @@ class PointMinimizer {
             problem->observation_index,
             problem->camera_columns,
             [problem](int k, Row* row) { problem->Linearize(k, row); },
-            options.num_threads),
-        system_(
-            problem->num_columns,
-            [this](const auto& couple) { AddCouplings(couple); },
-            options.max_num_factor_entries) {}
+            options.num_threads) {
+    order_ = Order();
+    if (order_.num_operations <= options_.max_num_factor_operations &&
+        IsFactorSmall()) {
+      ReduceDirectly();
+      return;
+    }
+    elimination_.ReleaseBlocks();
+    implicit_.emplace(problem_->observation_index,
+                      problem_->camera_columns,
+                      problem_->num_columns,
+                      options_.num_threads,
+                      &elimination_);
+  }
 
   PointMinimizerSummary Run() {
     PointMinimizerSummary summary;
@@ -157,6 +172,42 @@ class PointMinimizer {
   // promise to be refined by itself.
   static constexpr double kPointShare = 0.01;
   static constexpr int kMaxNumPointIterations = 10;
+  // Operations of a factor that take as long as one iteration of conjugate
+  // gradients for one observation.
+  static constexpr double kNumOperationsPerObservation = 300;
+  static constexpr int kMaxNumConjugateGradientIterations = 500;
+
+  ColumnOrder Order() {
+    std::vector<int> columns;
+    for (const auto& of_camera : problem_->camera_columns) {
+      columns.insert(columns.end(), of_camera.begin(), of_camera.end());
+    }
+    return OrderColumns(
+        elimination_.Blocks(), columns, kCamera, problem_->num_columns);
+  }
+
+  bool IsFactorSmall() const {
+    return order_.num_factor_entries <= options_.max_num_factor_entries;
+  }
+
+  void ReduceDirectly() {
+    implicit_.reset();
+    system_.emplace(
+        problem_->num_columns,
+        [this](const auto& couple) { AddCouplings(couple); },
+        order_.columns);
+  }
+
+  // Of conjugate gradients, in the time that it takes to form the factor.
+  int MaxNumIterations() const {
+    if (!IsFactorSmall()) return kMaxNumConjugateGradientIterations;
+    const double num_iterations =
+        order_.num_operations /
+        (kNumOperationsPerObservation *
+         double(problem_->observation_index.cameras.size()));
+    return int(
+        std::min<double>(kMaxNumConjugateGradientIterations, num_iterations));
+  }
 
   void AddCouplings(const ReducedSystem::Coupling& couple) {
     elimination_.ForEachCoupling(couple);
@@ -252,21 +303,11 @@ class PointMinimizer {
   // Returns the decrease of the cost that the linearised problem promises, 0 if
   // there is no step.
   double TryStep() {
-    system_.SetZero();
-    Eigen::VectorXd rhs = -terms_gradient_;
-    elimination_.Eliminate(damping_, &system_, &rhs);
-    double* values = system_.Values();
-    for (const auto& term : terms_) {
-      values[system_.EntryOf(term.row(), term.col())] += term.value();
-    }
     const Eigen::VectorXd damped =
         damping_ *
         PointProblem<kResidual, kCamera>::Elimination::Damped(diagonal_.array())
             .matrix();
-    for (int i = 0; i < problem_->num_columns; ++i) {
-      values[system_.EntryOf(i, i)] += damped(i);
-    }
-    if (!system_.Solve(rhs, &column_steps_)) return 0;
+    if (!(system_ ? SolveDirectly(damped) : SolveIteratively(damped))) return 0;
     elimination_.Substitute(column_steps_, &point_steps_);
     const double decrease =
         0.5 *
@@ -274,6 +315,35 @@ class PointMinimizer {
         elimination_.PointDecrease(damping_, point_steps_);
     if (decrease > 0) problem_->Step(column_steps_, point_steps_);
     return decrease;
+  }
+
+  // Both set the steps of the columns, whose diagonal grows by `damped`.
+  bool SolveDirectly(const Eigen::VectorXd& damped) {
+    system_->SetZero();
+    Eigen::VectorXd rhs = -terms_gradient_;
+    elimination_.Eliminate(damping_, &*system_, &rhs);
+    double* values = system_->Values();
+    for (const auto& term : terms_) {
+      values[system_->EntryOf(term.row(), term.col())] += term.value();
+    }
+    for (int i = 0; i < problem_->num_columns; ++i) {
+      values[system_->EntryOf(i, i)] += damped(i);
+    }
+    return system_->Solve(rhs, &column_steps_);
+  }
+
+  // Graphs that hold together take few iterations, long chains of images many:
+  // these are factorised, from the first step that takes too long.
+  bool SolveIteratively(const Eigen::VectorXd& damped) {
+    Eigen::VectorXd rhs = -terms_gradient_;
+    implicit_->Form(damping_, &rhs);
+    if (implicit_->Solve(
+            MaxNumIterations(), damped, terms_, rhs, &column_steps_) ||
+        !IsFactorSmall()) {
+      return column_steps_.allFinite();
+    }
+    ReduceDirectly();
+    return SolveDirectly(damped);
   }
 
   void Reject() {
@@ -286,7 +356,10 @@ class PointMinimizer {
   PointElimination<kResidual, kCamera> elimination_;
   typename Problem::Triplets terms_;
   Eigen::VectorXd terms_gradient_;
-  ReducedSystem system_;
+  ColumnOrder order_;
+  // One of them.
+  std::optional<ReducedSystem> system_;
+  std::optional<ImplicitReduction<kResidual, kCamera>> implicit_;
   double damping_ = options_.initial_damping;
   double growth_ = 2;
   Eigen::VectorXd diagonal_;

@@ -6,18 +6,16 @@
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
-#include <Eigen/IterativeLinearSolvers>
+
+// Only OpenBLAS has it.
+extern "C" __attribute__((weak)) void openblas_set_num_threads(int num_threads);
 
 namespace dgsfm {
 
 namespace {
 
-// Columns up to which, and the filled share from which, dense is faster.
+// Columns up to which dense matrices are as fast.
 constexpr int kMaxNumColumnsDense = 500;
-constexpr int kMaxNumColumnsMostlyFull = 5000;
-constexpr double kMinFilledShareDense = 0.3;
-constexpr int kMaxNumConjugateGradientIterations = 300;
-constexpr double kConjugateGradientTolerance = 1e-6;
 
 // The sparse lower triangle of a pattern, all zero.
 template <typename SparseMatrix>
@@ -61,41 +59,72 @@ SparseMatrix SparseLowerTriangle(int num_columns,
 
 ReducedSystem::ReducedSystem(int num_columns,
                              const Pattern& pattern,
-                             double max_num_factor_entries)
-    : num_columns_(num_columns) {
-  is_dense_ = num_columns <= kMaxNumColumnsDense;
-  if (!is_dense_) {
-    sparse_ = SparseLowerTriangle<SparseMatrix>(num_columns, pattern);
-    is_dense_ = num_columns <= kMaxNumColumnsMostlyFull &&
-                double(sparse_.nonZeros()) >
-                    0.5 * kMinFilledShareDense * num_columns * num_columns;
-  }
+                             const std::vector<int>& order)
+    : num_columns_(num_columns), is_dense_(num_columns <= kMaxNumColumnsDense) {
   if (is_dense_) {
-    sparse_ = SparseMatrix();
     dense_.setZero(num_columns, num_columns);
     return;
   }
-  cholesky_.cholmod().print = 0;
+  places_.resize(order.size());
+  for (size_t i = 0; i < order.size(); ++i) places_[order[i]] = int(i);
+  sparse_ = SparseLowerTriangle<SparseMatrix>(
+      num_columns, [&](const Coupling& couple) {
+        pattern([&](int column1, int column2) {
+          couple(PlaceOf(column1), PlaceOf(column2));
+        });
+      });
+  // Sums by several threads would depend on their number.
+  if (openblas_set_num_threads) openblas_set_num_threads(1);
+  cholmod_common& common = cholesky_.cholmod();
+  common.print = 0;
+  if (!order.empty()) {
+    // Values are factorised where they are, without copies in another order.
+    common.nmethods = 1;
+    common.method[0].ordering = CHOLMOD_NATURAL;
+    common.postorder = false;
+  }
   cholesky_.analyzePattern(sparse_);
-  is_iterative_ = cholesky_.cholmod().lnz > max_num_factor_entries;
 }
 
-double ReducedSystem::NumFactorEntries(int num_columns,
-                                       const Pattern& pattern) {
-  Eigen::CholmodSupernodalLLT<SparseMatrix, Eigen::Lower> cholesky;
-  cholesky.cholmod().print = 0;
-  cholesky.analyzePattern(
+ReducedSystem::FactorSize ReducedSystem::SizeOfFactor(int num_columns,
+                                                      const Pattern& pattern) {
+  class Analysis
+      : public Eigen::CholmodSupernodalLLT<SparseMatrix, Eigen::Lower> {
+   public:
+    const int* Order() const {
+      return static_cast<const int*>(m_cholmodFactor->Perm);
+    }
+  };
+  Analysis analysis;
+  analysis.cholmod().print = 0;
+  analysis.analyzePattern(
       SparseLowerTriangle<SparseMatrix>(num_columns, pattern));
-  return cholesky.cholmod().lnz;
+  return {analysis.cholmod().lnz,
+          analysis.cholmod().fl,
+          {analysis.Order(), analysis.Order() + num_columns}};
 }
 
-int64_t ReducedSystem::EntryOf(int column1, int column2) const {
-  const auto [column, row] = std::minmax(column1, column2);
+int64_t ReducedSystem::EntryAt(const Cell& cell) const {
+  const auto [column, row] = cell;
   if (is_dense_) return int64_t(column) * num_columns_ + row;
   const int* rows = sparse_.innerIndexPtr();
   const int* begin = rows + sparse_.outerIndexPtr()[column];
   const int* end = rows + sparse_.outerIndexPtr()[column + 1];
   return std::lower_bound(begin, end, row) - rows;
+}
+
+int64_t ReducedSystem::EntryNear(int64_t other_entry,
+                                 const Cell& other,
+                                 const Cell& cell) const {
+  if (is_dense_) return EntryAt(cell);
+  const int* begin = sparse_.outerIndexPtr();
+  const auto [column, row] = cell;
+  const int64_t guess = other_entry - begin[other.first] + begin[column] +
+                        (row - other.second) - (column - other.first);
+  return guess >= begin[column] && guess < begin[column + 1] &&
+                 sparse_.innerIndexPtr()[guess] == row
+             ? guess
+             : EntryAt(cell);
 }
 
 void ReducedSystem::AddBlock(const int* columns1,
@@ -104,28 +133,19 @@ void ReducedSystem::AddBlock(const int* columns1,
                              bool is_diagonal,
                              const double* block) {
   double* values = Values();
-  // Where the entry of the next column of the other camera probably is.
-  std::vector<int64_t> next(size, 0);
+  int64_t entry = 0;
+  Cell cell(0, 0);
   for (int j = 0; j < size; ++j) {
+    if (columns2[j] < 0) continue;
+    const int place2 = PlaceOf(columns2[j]);
     for (int i = 0; i < (is_diagonal ? j + 1 : size); ++i) {
-      if (columns1[i] < 0 || columns2[j] < 0) continue;
-      const int64_t entry = EntryNear(next[i], columns1[i], columns2[j]);
+      if (columns1[i] < 0) continue;
+      const Cell next = std::minmax({PlaceOf(columns1[i]), place2});
+      entry = EntryNear(entry, cell, next);
+      cell = next;
       values[entry] += block[j * size + i];
-      next[i] = entry + 1;
     }
   }
-}
-
-int64_t ReducedSystem::EntryNear(int64_t guess,
-                                 int column1,
-                                 int column2) const {
-  if (is_dense_) return EntryOf(column1, column2);
-  const auto [column, row] = std::minmax(column1, column2);
-  return guess >= sparse_.outerIndexPtr()[column] &&
-                 guess < sparse_.outerIndexPtr()[column + 1] &&
-                 sparse_.innerIndexPtr()[guess] == row
-             ? guess
-             : EntryOf(column1, column2);
 }
 
 void ReducedSystem::SetZero() {
@@ -143,19 +163,18 @@ bool ReducedSystem::Solve(const Columns& right_sides, Columns* solution) {
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> llt(dense_);
     if (llt.info() != Eigen::Success) return false;
     *solution = llt.solve(right_sides);
-  } else if (is_iterative_) {
-    Eigen::ConjugateGradient<SparseMatrix,
-                             Eigen::Lower,
-                             Eigen::IncompleteCholesky<double>>
-        solver;
-    solver.setMaxIterations(kMaxNumConjugateGradientIterations);
-    solver.setTolerance(kConjugateGradientTolerance);
-    *solution = solver.compute(sparse_).solve(right_sides);
-    if (solver.info() == Eigen::NumericalIssue) return false;
   } else {
     cholesky_.factorize(sparse_);
     if (cholesky_.info() != Eigen::Success) return false;
-    *solution = cholesky_.solve(right_sides);
+    Columns ordered = right_sides;
+    for (int i = 0; i < num_columns_; ++i) {
+      ordered.row(PlaceOf(i)) = right_sides.row(i);
+    }
+    ordered = cholesky_.solve(ordered).eval();
+    solution->resizeLike(ordered);
+    for (int i = 0; i < num_columns_; ++i) {
+      solution->row(i) = ordered.row(PlaceOf(i));
+    }
   }
   return solution->allFinite();
 }

@@ -2,8 +2,10 @@
 
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <utility>
 #include <vector>
 
 #include <Eigen/CholmodSupport>
@@ -13,34 +15,40 @@
 namespace dgsfm {
 
 // The normal equations of the parameters that remain when points are
-// eliminated. Factorised densely where they are small or mostly full, by a
-// sparse Cholesky decomposition otherwise, and solved by conjugate gradients
-// where that would fill up the memory.
+// eliminated. Factorised densely where they are small, and by a sparse Cholesky
+// decomposition otherwise.
 class ReducedSystem {
  public:
-  // Entries of a factor that is formed: 1.6 GB.
-  static constexpr double kMaxNumFactorEntries = 2e8;
-
   // Takes a pair of columns.
   using Coupling = std::function<void(int column1, int column2)>;
   // Calls its argument with pairs of columns whose entries may be non-zero, in
   // either order and any number of times.
   using Pattern = std::function<void(const Coupling& couple)>;
 
+  struct FactorSize {
+    double num_entries = 0;
+    // Floating-point operations that form it.
+    double num_operations = 0;
+    // The columns, the first to be eliminated first.
+    std::vector<int> order;
+  };
+
   // The diagonal is always part of the pattern, which is gone through twice.
-  // Above `max_num_factor_entries` a sparse factor is not formed. Throws
-  // std::runtime_error where the entries are more than can be numbered.
+  // Columns are eliminated in an order that is found, or in the given one.
+  // Throws std::runtime_error where the entries are more than can be numbered.
   ReducedSystem(int num_columns,
                 const Pattern& pattern,
-                double max_num_factor_entries = kMaxNumFactorEntries);
+                const std::vector<int>& order = {});
 
-  // Entries of the sparse factor of so many columns, whatever their number.
-  static double NumFactorEntries(int num_columns, const Pattern& pattern);
+  // Of the sparse factor of so many columns, whatever their number.
+  static FactorSize SizeOfFactor(int num_columns, const Pattern& pattern);
 
   int NumColumns() const { return num_columns_; }
   // Place of the entry of two columns, in either order, among the values. It
   // stands for both entries of the symmetric matrix.
-  int64_t EntryOf(int column1, int column2) const;
+  int64_t EntryOf(int column1, int column2) const {
+    return EntryAt(std::minmax({PlaceOf(column1), PlaceOf(column2)}));
+  }
   // Adds a square block, of the columns of one camera by those of another and
   // column by column, to the entries of their columns; those below 0 have none.
   // A block on the diagonal counts by its upper triangle alone.
@@ -58,17 +66,27 @@ class ReducedSystem {
   [[nodiscard]] bool Solve(const Columns& right_sides, Columns* solution);
 
  private:
-  // EntryOf(column1, column2), which may be the guess.
-  int64_t EntryNear(int64_t guess, int column1, int column2) const;
+  // Column and row of an entry of the lower triangle.
+  using Cell = std::pair<int, int>;
+
+  int64_t EntryAt(const Cell& cell) const;
+  // The same, given an entry: neighbouring columns have mostly the same rows.
+  int64_t EntryNear(int64_t other_entry,
+                    const Cell& other,
+                    const Cell& cell) const;
+  int PlaceOf(int column) const {
+    return places_.empty() ? column : places_[column];
+  }
 
   using SparseMatrix = Eigen::SparseMatrix<double>;
 
-  int num_columns_;
-  bool is_dense_;
+  const int num_columns_;
+  const bool is_dense_;
+  // Of each column in the given order.
+  std::vector<int> places_;
   // Lower triangles.
   Eigen::MatrixXd dense_;
   SparseMatrix sparse_;
-  bool is_iterative_ = false;
   Eigen::CholmodSupernodalLLT<SparseMatrix, Eigen::Lower> cholesky_;
 };
 
