@@ -4,9 +4,8 @@ namespace dgsfm {
 
 namespace {
 
-// Of the decrease by all iterations so far, the share of an average one that
-// the last must bring.
-constexpr double kMinDecreaseShare = 1e-3;
+// Of the preconditioned squared residual, relative to that of the start.
+constexpr double kTolerance = 1e-8;
 
 }  // namespace
 
@@ -16,23 +15,22 @@ bool SolveByConjugateGradients(int max_num_iterations,
                                const Eigen::VectorXd& b,
                                Eigen::VectorXd* solution) {
   *solution = Eigen::VectorXd::Zero(b.size());
+  if (b.isZero(0)) return true;
   Eigen::VectorXd residual = b;
   Eigen::VectorXd direction = precondition(residual);
   double squared_norm = residual.dot(direction);
-  double last_value = 0;
+  const double max_squared_norm = kTolerance * squared_norm;
   for (int i = 1; i <= max_num_iterations; ++i) {
     const Eigen::VectorXd product = multiply(direction);
     const double curvature = direction.dot(product);
-    // At the solution, but for rounding.
-    if (!(squared_norm > 0) || !(curvature > 0)) return true;
+    // Rounding makes matrices indefinite that are nearly singular.
+    if (!(squared_norm > 0) || !(curvature > 0)) return false;
     const double length = squared_norm / curvature;
     *solution += length * direction;
     residual -= length * product;
-    const double value = -0.5 * solution->dot(b + residual);
-    if (i * (value - last_value) > kMinDecreaseShare * value) return true;
-    last_value = value;
     const Eigen::VectorXd preconditioned = precondition(residual);
     const double next = residual.dot(preconditioned);
+    if (next >= 0 && next <= max_squared_norm) return true;
     direction = preconditioned + next / squared_norm * direction;
     squared_norm = next;
   }

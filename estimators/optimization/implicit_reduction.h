@@ -54,6 +54,8 @@ class ImplicitReduction {
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
       camera_rhs[camera] = -elimination_->CameraGradient(camera);
       blocks_[camera].setZero();
+      blocks_[camera].diagonal() =
+          kBlockDamping * elimination_->CameraHessian(camera).diagonal();
     }
     elimination_->ForEachChunk(
         [&](int point, typename Elimination::Row* rows) {
@@ -118,6 +120,9 @@ class ImplicitReduction {
     Eigen::Matrix<float, 3, kResidual> by_point;
   };
 
+  // Of the blocks of the preconditioner, relative to the diagonal before the
+  // points are eliminated: differences that rounding makes negative.
+  static constexpr double kBlockDamping = 1e-6;
   // Ranges of points whose products are summed separately.
   static constexpr int kNumParts = 16;
 

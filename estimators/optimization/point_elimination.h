@@ -266,6 +266,9 @@ class PointElimination {
   }
 
   const PointBlock& Point(int point) const { return point_blocks_[point]; }
+  const CameraMatrix& CameraHessian(int camera) const {
+    return camera_blocks_[camera].hessian;
+  }
   const CameraVector& CameraGradient(int camera) const {
     return camera_blocks_[camera].gradient;
   }
