@@ -4,7 +4,8 @@ namespace dgsfm {
 
 namespace {
 
-// Of the preconditioned squared residual, relative to that of the start.
+// Squared residual, preconditioned, at which the iterations end, relative to
+// that of the start.
 constexpr double kTolerance = 1e-8;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Reduced camera systems too full to be formed, as products.
+// Solves reduced camera systems that are too full to be formed.
 
 #pragma once
 
@@ -120,13 +120,13 @@ class ImplicitReduction {
     Eigen::Matrix<float, 3, kResidual> by_point;
   };
 
-  // Of the blocks of the preconditioner, relative to the diagonal before the
-  // points are eliminated: differences that rounding makes negative.
+  // What is added to the blocks of the preconditioner, relative to the diagonal
+  // before the points are eliminated: rounding makes differences negative.
   static constexpr double kBlockDamping = 1e-6;
   // Ranges of points whose products are summed separately.
   static constexpr int kNumParts = 16;
 
-  // A group of cameras shares its first columns, as the images of a frame do.
+  // Cameras of a group share their first column, as the images of a frame do.
   void GroupCameras() {
     std::map<int, int> group_by_column;
     std::vector<int> owners(num_columns_, -1);
@@ -156,7 +156,7 @@ class ImplicitReduction {
     group_factors_.resize(group_columns_.size());
   }
 
-  // Into parts of about as many observations each.
+  // All parts have about as many observations.
   void DividePoints() {
     part_begin_.push_back(0);
     const size_t count = observations_.cameras.size();
@@ -169,7 +169,7 @@ class ImplicitReduction {
     part_begin_.push_back(observations_.num_points);
   }
 
-  // The right side and the diagonal block of the camera of an observation.
+  // Adds to the right side and the diagonal block of the observation's camera.
   void AddObservation(int k, CameraVector* rhs) {
     const auto& point = elimination_->Point(observations_.points[k]);
     const ByCamera by_camera = rows_[k].by_camera.template cast<double>();

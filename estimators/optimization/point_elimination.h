@@ -361,8 +361,8 @@ class PointElimination {
     }
   }
 
-  // Columns of one camera alone, whose entries no two blocks have in common,
-  // and the others; -1 = none.
+  // Separates the columns of one camera alone, whose entries no two blocks have
+  // in common, from the others; -1 = none.
   void DivideColumns() {
     std::vector<int> owners;
     for (int camera = 0; camera < observations_.num_cameras; ++camera) {
@@ -394,7 +394,7 @@ class PointElimination {
     }
   }
 
-  // The entries of columns that several cameras have.
+  // Adds the entries of columns that several cameras have.
   void AddSharedEntriesOf(int camera, ReducedSystem* system) const {
     for (size_t b = index_->BlockBegin(camera); b < index_->BlockEnd(camera);
          ++b) {

@@ -40,8 +40,8 @@ struct PointMinimizerOptions {
   // Entries of the factor of the reduced system, of 8 bytes each, above which
   // steps come from conjugate gradients.
   double max_num_factor_entries = 2e8;
-  // Floating-point operations that form the factor, about a second's, above
-  // which they do so while that takes less time.
+  // Floating-point operations that form the factor, about a second of them,
+  // above which conjugate gradients are tried first.
   double max_num_factor_operations = 3e10;
 };
 
@@ -198,7 +198,7 @@ class PointMinimizer {
         order_.columns);
   }
 
-  // Of conjugate gradients, in the time that it takes to form the factor.
+  // How many iterations take as long as forming the factor.
   int MaxNumIterations() const {
     if (!IsFactorSmall()) return kMaxNumConjugateGradientIterations;
     const double num_iterations =
@@ -332,8 +332,9 @@ class PointMinimizer {
     return system_->Solve(rhs, &column_steps_);
   }
 
-  // Graphs that hold together take few iterations, long chains of images many:
-  // these are factorised, from the first step that takes too long.
+  // Scenes in which most images share points take few iterations, long chains
+  // of images many: these are factorised from the first step that takes too
+  // long.
   bool SolveIteratively(const Eigen::VectorXd& damped) {
     Eigen::VectorXd rhs = -terms_gradient_;
     implicit_->Form(damping_, &rhs);

@@ -40,7 +40,7 @@ class ReducedSystem {
                 const Pattern& pattern,
                 const std::vector<int>& order = {});
 
-  // Of the sparse factor of so many columns, whatever their number.
+  // Analyses the sparse factor, however few columns there are.
   static FactorSize SizeOfFactor(int num_columns, const Pattern& pattern);
 
   int NumColumns() const { return num_columns_; }
@@ -70,7 +70,8 @@ class ReducedSystem {
   using Cell = std::pair<int, int>;
 
   int64_t EntryAt(const Cell& cell) const;
-  // The same, given an entry: neighbouring columns have mostly the same rows.
+  // EntryAt(cell), found from the entry of another cell: neighbouring columns
+  // have mostly the same rows.
   int64_t EntryNear(int64_t other_entry,
                     const Cell& other,
                     const Cell& cell) const;
@@ -82,7 +83,7 @@ class ReducedSystem {
 
   const int num_columns_;
   const bool is_dense_;
-  // Of each column in the given order.
+  // Place of each column in the given order; empty = its number.
   std::vector<int> places_;
   // Lower triangles.
   Eigen::MatrixXd dense_;
