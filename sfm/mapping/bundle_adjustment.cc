@@ -6,13 +6,11 @@
 #include "estimators/optimization/bundle_solver.h"
 #include "estimators/option_check.h"
 #include "sfm/mapping/model_access.h"
-#include "sfm/mapping/spatial_order.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <tuple>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -50,39 +48,6 @@ constexpr double kHeavyTailRatio = 3.1;
 // follows three of its four coordinates, and leaves one error.
 constexpr size_t kMinNumViewsOfTail = 3;
 
-// Points in the order in which they are adjusted. In large models points of the
-// same images follow each other, so that caches hold the blocks of these
-// images.
-std::vector<colmap::point3D_t> OrderedPoints(
-    const colmap::Reconstruction& model) {
-  std::vector<colmap::point3D_t> point_ids = SortedPoints(model);
-  if (model.NumRegImages() < kMinNumImagesWithDrift) return point_ids;
-  const std::vector<colmap::image_t> image_ids = SortedRegisteredImages(model);
-  std::vector<Eigen::Vector3d> centers;
-  for (const colmap::image_t image_id : image_ids) {
-    centers.push_back(
-        CamFromWorld(model.Image(image_id)).TargetOriginInSource());
-  }
-  std::unordered_map<colmap::image_t, size_t> places;
-  for (const size_t i : OrderAlongCurve(centers)) {
-    places.emplace(image_ids[i], places.size());
-  }
-  std::unordered_map<colmap::point3D_t, size_t> first_places;
-  for (const colmap::point3D_t point_id : point_ids) {
-    size_t first = places.size();
-    for (const auto& element : model.Point3D(point_id).Track().Elements()) {
-      first = std::min(first, places.at(element.image_id));
-    }
-    first_places.emplace(point_id, first);
-  }
-  std::stable_sort(point_ids.begin(),
-                   point_ids.end(),
-                   [&](colmap::point3D_t a, colmap::point3D_t b) {
-                     return first_places.at(a) < first_places.at(b);
-                   });
-  return point_ids;
-}
-
 // The arrays of a model, and back.
 class ModelBundle {
  public:
@@ -94,7 +59,7 @@ class ModelBundle {
         beliefs_(beliefs),
         rigs_(rigs),
         model_(model),
-        point_ids_(OrderedPoints(*model)) {
+        point_ids_(SortedPoints(*model)) {
     for (const colmap::image_t image_id : SortedRegisteredImages(*model)) {
       AddImage(image_id);
     }
