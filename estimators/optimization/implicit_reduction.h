@@ -144,7 +144,7 @@ class ImplicitReduction {
       group_of_camera_.push_back(group);
       for (const int column : columns_[camera]) {
         if (column < 0) continue;
-        if (owners[column] < 0) owners[column] = group;
+        if (owners[column] == -1) owners[column] = group;
         if (owners[column] != group) owners[column] = kShared;
       }
     }
