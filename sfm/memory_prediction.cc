@@ -75,7 +75,7 @@ class MatchCounter {
       size_.num_matched_keypoints.push_back(
           size_t(std::count(is_matched.begin(), is_matched.end(), true)));
     }
-    size_.num_factor_blocks = ReducedSystem::SizeOfFactor(
+    size_.num_factor_blocks = ReducedSystem::AnalyzeFactor(
                                   int(size_.num_images),
                                   [this](const auto& couple) {
                                     for (const auto& [image1, image2] : links_)

@@ -10,12 +10,6 @@ namespace dgsfm {
 
 namespace {
 
-// Columns of the same cameras, and the groups that each camera has columns of.
-struct ColumnGroups {
-  std::vector<std::vector<int>> columns;
-  std::vector<std::vector<int>> groups_of_camera;
-};
-
 ColumnGroups GroupColumns(const std::vector<int>& columns,
                           int size,
                           int num_columns) {
@@ -39,6 +33,7 @@ ColumnGroups GroupColumns(const std::vector<int>& columns,
       }
     }
     groups.columns[it->second].push_back(column);
+    groups.group_of_column.push_back(it->second);
   }
   return groups;
 }
@@ -51,7 +46,8 @@ ColumnOrder OrderColumns(const ObservationBlocks& blocks,
                          int num_columns) {
   ColumnOrder order;
   if (num_columns == 0) return order;
-  const ColumnGroups groups = GroupColumns(columns, size, num_columns);
+  order.groups = GroupColumns(columns, size, num_columns);
+  const ColumnGroups& groups = order.groups;
   const int num_groups = int(groups.columns.size());
   const auto pattern = [&](const ReducedSystem::Coupling& couple) {
     for (size_t camera = 0; camera < groups.groups_of_camera.size(); ++camera) {
@@ -67,8 +63,8 @@ ColumnOrder OrderColumns(const ObservationBlocks& blocks,
       }
     }
   };
-  const ReducedSystem::FactorSize factor =
-      ReducedSystem::SizeOfFactor(num_groups, pattern);
+  const ReducedSystem::FactorAnalysis factor =
+      ReducedSystem::AnalyzeFactor(num_groups, pattern);
   for (const int group : factor.order) {
     order.columns.insert(order.columns.end(),
                          groups.columns[group].begin(),

@@ -8,7 +8,16 @@
 
 namespace dgsfm {
 
+// Columns of the same cameras.
+struct ColumnGroups {
+  std::vector<std::vector<int>> columns;
+  std::vector<int> group_of_column;
+  // Groups that each camera has columns of.
+  std::vector<std::vector<int>> groups_of_camera;
+};
+
 struct ColumnOrder {
+  ColumnGroups groups;
   // All columns, the first to be eliminated first.
   std::vector<int> columns;
   // Entries of the factor, and floating-point operations that form it, about.

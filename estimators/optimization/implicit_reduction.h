@@ -3,12 +3,12 @@
 #pragma once
 
 #include "colmap_ext/parallel.h"
+#include "estimators/optimization/column_order.h"
 #include "estimators/optimization/conjugate_gradients.h"
 #include "estimators/optimization/point_elimination.h"
 
 #include <algorithm>
 #include <array>
-#include <map>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -30,20 +30,22 @@ class ImplicitReduction {
   using CameraColumns = typename Elimination::CameraColumns;
   using Triplets = std::vector<Eigen::Triplet<double>>;
 
-  // The references must outlive this.
-  ImplicitReduction(const ObservationIndex& observations,
-                    const std::vector<CameraColumns>& camera_columns,
-                    int num_columns,
-                    int num_threads,
-                    Elimination* elimination)
-      : observations_(observations),
-        columns_(camera_columns),
-        num_columns_(num_columns),
-        num_threads_(EffectiveNumThreads(num_threads)),
+  // The arguments must outlive this.
+  ImplicitReduction(const ColumnGroups& groups, Elimination* elimination)
+      : groups_(groups),
         elimination_(elimination),
-        rows_(observations.cameras.size()),
-        blocks_(observations.num_cameras) {
-    GroupCameras();
+        observations_(elimination->Observations()),
+        columns_(elimination->Columns()),
+        num_columns_(int(groups.group_of_column.size())),
+        rows_(observations_.cameras.size()),
+        blocks_(observations_.num_cameras),
+        place_in_group_(num_columns_),
+        group_factors_(groups.columns.size()) {
+    for (const std::vector<int>& columns : groups.columns) {
+      for (size_t i = 0; i < columns.size(); ++i) {
+        place_in_group_[columns[i]] = int(i);
+      }
+    }
     DividePoints();
   }
 
@@ -114,6 +116,9 @@ class ImplicitReduction {
   using CameraMatrix = typename Elimination::CameraMatrix;
   using ByCamera = Eigen::Matrix<double, kCamera, kResidual>;
   using ByPoint = Eigen::Matrix<double, 3, kResidual>;
+  using GroupMatrix = Eigen::
+      Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kCamera, kCamera>;
+  using GroupVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kCamera, 1>;
 
   struct FloatRow {
     Eigen::Matrix<float, kCamera, kResidual> by_camera;
@@ -125,36 +130,6 @@ class ImplicitReduction {
   static constexpr double kBlockDamping = 1e-6;
   // Ranges of points whose products are summed separately.
   static constexpr int kNumParts = 16;
-
-  // Cameras of a group share their first column, as the images of a frame do.
-  void GroupCameras() {
-    std::map<int, int> group_by_column;
-    std::vector<int> owners(num_columns_, -1);
-    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      int first = -1;
-      for (const int column : columns_[camera]) {
-        if (first < 0) first = column;
-      }
-      const int group =
-          group_by_column.emplace(first, int(group_columns_.size()))
-              .first->second;
-      if (group == int(group_columns_.size())) {
-        group_columns_.push_back(columns_[camera]);
-      }
-      group_of_camera_.push_back(group);
-      for (const int column : columns_[camera]) {
-        if (column < 0) continue;
-        if (owners[column] == -1) owners[column] = group;
-        if (owners[column] != group) owners[column] = kShared;
-      }
-    }
-    for (CameraColumns& columns : group_columns_) {
-      for (int& column : columns) {
-        if (column >= 0 && owners[column] == kShared) column = -1;
-      }
-    }
-    group_factors_.resize(group_columns_.size());
-  }
 
   // All parts have about as many observations.
   void DividePoints() {
@@ -187,52 +162,61 @@ class ImplicitReduction {
         left.lazyProduct(by_camera.transpose());
   }
 
-  // Block Jacobi: a block for each group; shared columns by themselves. The
-  // coupling of different cameras by the reduced matrix is left out, so that
-  // blocks are positive definite.
+  // Columns of a group belong to the same cameras, and are as many as one has
+  // at most.
+  bool HasBlock(size_t group) const {
+    return groups_.columns[group].size() <= size_t(kCamera);
+  }
+
+  // Block Jacobi: a block for each group of columns; those that no camera has
+  // are by themselves. The coupling of different cameras by the reduced matrix
+  // is left out, so that blocks are positive definite.
   void FactorizePreconditioner(const Eigen::VectorXd& diagonal) {
-    std::vector<CameraMatrix> group_blocks(group_columns_.size(),
-                                           CameraMatrix::Zero());
-    inverse_diagonal_ = diagonal;
-    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
-      const int group = group_of_camera_[camera];
-      const CameraMatrix& block = blocks_[camera];
-      for (int j = 0; j < kCamera; ++j) {
-        const int column = columns_[camera][j];
-        if (column < 0) continue;
-        inverse_diagonal_(column) += block(j, j);
-        for (int i = 0; i < kCamera; ++i) {
-          if (group_columns_[group][i] >= 0 && group_columns_[group][j] >= 0 &&
-              group_columns_[group][i] == columns_[camera][i] &&
-              group_columns_[group][j] == column) {
-            group_blocks[group](i, j) += block(i, j);
-          }
-        }
+    std::vector<GroupMatrix> matrices(groups_.columns.size());
+    for (size_t group = 0; group < matrices.size(); ++group) {
+      if (!HasBlock(group)) continue;
+      const auto& columns = groups_.columns[group];
+      matrices[group].setZero(columns.size(), columns.size());
+      for (size_t i = 0; i < columns.size(); ++i) {
+        matrices[group](i, i) = diagonal(columns[i]);
       }
     }
+    inverse_diagonal_ = diagonal;
+    for (int camera = 0; camera < observations_.num_cameras; ++camera) {
+      AddToGroups(camera, &matrices);
+    }
     inverse_diagonal_ = inverse_diagonal_.cwiseInverse();
-    for (size_t group = 0; group < group_blocks.size(); ++group) {
+    for (size_t group = 0; group < matrices.size(); ++group) {
+      if (HasBlock(group)) group_factors_[group].compute(matrices[group]);
+    }
+  }
+
+  void AddToGroups(int camera, std::vector<GroupMatrix>* matrices) {
+    for (int j = 0; j < kCamera; ++j) {
+      const int column2 = columns_[camera][j];
+      if (column2 < 0) continue;
+      inverse_diagonal_(column2) += blocks_[camera](j, j);
+      const int group = groups_.group_of_column[column2];
       for (int i = 0; i < kCamera; ++i) {
-        const int column = group_columns_[group][i];
-        group_blocks[group](i, i) += column < 0 ? 1 : diagonal(column);
+        const int column1 = columns_[camera][i];
+        if (column1 < 0 || groups_.group_of_column[column1] != group) continue;
+        (*matrices)[group](place_in_group_[column1],
+                           place_in_group_[column2]) += blocks_[camera](i, j);
       }
-      group_factors_[group].compute(group_blocks[group]);
     }
   }
 
   Eigen::VectorXd Precondition(const Eigen::VectorXd& x) const {
     Eigen::VectorXd result = inverse_diagonal_.cwiseProduct(x);
     for (size_t group = 0; group < group_factors_.size(); ++group) {
-      if (group_factors_[group].info() != Eigen::Success) continue;
-      const CameraColumns& columns = group_columns_[group];
-      CameraVector part;
-      for (int i = 0; i < kCamera; ++i) {
-        part(i) = columns[i] < 0 ? 0 : x(columns[i]);
+      if (!HasBlock(group) || group_factors_[group].info() != Eigen::Success) {
+        continue;
       }
+      const std::vector<int>& columns = groups_.columns[group];
+      GroupVector part(columns.size());
+      for (size_t i = 0; i < columns.size(); ++i) part(i) = x(columns[i]);
       group_factors_[group].solveInPlace(part);
-      for (int i = 0; i < kCamera; ++i) {
-        if (columns[i] >= 0) result(columns[i]) = part(i);
-      }
+      for (size_t i = 0; i < columns.size(); ++i) result(columns[i]) = part(i);
     }
     return result;
   }
@@ -247,7 +231,7 @@ class ImplicitReduction {
     }
     const size_t num_parts = part_begin_.size() - 1;
     products_.resize(num_parts);
-    ParallelFor(num_parts, num_threads_, [&](size_t part) {
+    ParallelFor(num_parts, elimination_->NumThreads(), [&](size_t part) {
       products_[part].assign(observations_.num_cameras, CameraVector::Zero());
       AddProduct(part_begin_[part],
                  part_begin_[part + 1],
@@ -312,20 +296,17 @@ class ImplicitReduction {
     }
   }
 
-  static constexpr int kShared = -2;
-
+  const ColumnGroups& groups_;
+  Elimination* elimination_;
   const ObservationIndex& observations_;
   const std::vector<CameraColumns>& columns_;
   const int num_columns_;
-  const int num_threads_;
-  Elimination* elimination_;
   std::vector<FloatRow> rows_;
   // Diagonal blocks of the reduced matrix.
   std::vector<CameraMatrix> blocks_;
-  std::vector<int> group_of_camera_;
-  // Columns of the block of each group; -1 where they are constant or shared.
-  std::vector<CameraColumns> group_columns_;
-  std::vector<Eigen::LLT<CameraMatrix>> group_factors_;
+  // Index of each column in its group.
+  std::vector<int> place_in_group_;
+  std::vector<Eigen::LLT<GroupMatrix>> group_factors_;
   Eigen::VectorXd inverse_diagonal_;
   std::vector<int> part_begin_;
   std::vector<std::vector<CameraVector>> products_;

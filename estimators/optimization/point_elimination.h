@@ -71,6 +71,10 @@ class PointElimination {
     DivideColumns();
   }
 
+  const ObservationIndex& Observations() const { return observations_; }
+  const std::vector<CameraColumns>& Columns() const { return columns_; }
+  int NumThreads() const { return num_threads_; }
+
   // The observations of a point are contiguous.
   int PointBegin(int point) const { return ranges_.Begin(point); }
   int PointEnd(int point) const { return ranges_.End(point); }

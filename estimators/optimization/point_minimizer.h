@@ -110,11 +110,7 @@ class PointMinimizer {
       return;
     }
     elimination_.ReleaseBlocks();
-    implicit_.emplace(problem_->observation_index,
-                      problem_->camera_columns,
-                      problem_->num_columns,
-                      options_.num_threads,
-                      &elimination_);
+    implicit_.emplace(order_.groups, &elimination_);
   }
 
   PointMinimizerSummary Run() {

@@ -86,8 +86,8 @@ ReducedSystem::ReducedSystem(int num_columns,
   cholesky_.analyzePattern(sparse_);
 }
 
-ReducedSystem::FactorSize ReducedSystem::SizeOfFactor(int num_columns,
-                                                      const Pattern& pattern) {
+ReducedSystem::FactorAnalysis ReducedSystem::AnalyzeFactor(
+    int num_columns, const Pattern& pattern) {
   class Analysis
       : public Eigen::CholmodSupernodalLLT<SparseMatrix, Eigen::Lower> {
    public:

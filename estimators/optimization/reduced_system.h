@@ -25,7 +25,7 @@ class ReducedSystem {
   // either order and any number of times.
   using Pattern = std::function<void(const Coupling& couple)>;
 
-  struct FactorSize {
+  struct FactorAnalysis {
     double num_entries = 0;
     // Floating-point operations that form it.
     double num_operations = 0;
@@ -41,7 +41,7 @@ class ReducedSystem {
                 const std::vector<int>& order = {});
 
   // Analyses the sparse factor, however few columns there are.
-  static FactorSize SizeOfFactor(int num_columns, const Pattern& pattern);
+  static FactorAnalysis AnalyzeFactor(int num_columns, const Pattern& pattern);
 
   int NumColumns() const { return num_columns_; }
   // Place of the entry of two columns, in either order, among the values. It
