@@ -2,12 +2,14 @@
 
 #include "estimators/optimization/point_minimizer.h"
 #include "estimators/optimization/reduced_system.h"
+#include "sfm/intrinsics/intrinsics_posterior.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <map>
 #include <numeric>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -32,11 +34,12 @@ constexpr double kBytesPerKeypointOfModel = 28;
 // Bytes of a matched key point, whether or not it becomes an observation.
 constexpr double kBytesPerMatchedKeypoint = 75;
 constexpr double kBytesPerObservation = 130;
-constexpr double kNumEntriesPerFactorBlock = 36;
+// Columns of a pose, and of the intrinsics of a camera: its focal length,
+// distortion, and principal point.
+constexpr double kNumColumnsPerPose = 6;
+constexpr double kNumColumnsPerCamera = 4;
 // Derivatives of an observation, where the factor would be too large.
 constexpr double kBytesPerRow = 88;
-// Intrinsics are judged by so many images at most.
-constexpr double kNumCalibrationImages = 200;
 constexpr double kBytesPerCalibrationImage = 0.45e6;
 
 // Observations of an image below which its pose suffers.
@@ -51,9 +54,12 @@ class MatchCounter {
  public:
   explicit MatchCounter(const Scene& scene) : scene_(scene) {
     size_.num_images = scene.images.size();
+    std::set<colmap::camera_t> camera_ids;
     for (const auto& [image_id, image] : scene.images) {
       size_.num_keypoints += image.NumPoints2D();
+      camera_ids.insert(image.CameraId());
     }
+    size_.num_cameras = camera_ids.size();
   }
 
   void Add(colmap::image_pair_t pair_id,
@@ -123,7 +129,10 @@ double NumObservations(const TrackOptions& options, const MappingSize& size) {
 
 // The factor and the matrix, or what conjugate gradients need instead.
 double SolverBytes(const TrackOptions& options, const MappingSize& size) {
-  const double num_entries = kNumEntriesPerFactorBlock * size.num_factor_blocks;
+  const double num_columns = kNumColumnsPerPose + kNumColumnsPerCamera *
+                                                      double(size.num_cameras) /
+                                                      double(size.num_images);
+  const double num_entries = num_columns * num_columns * size.num_factor_blocks;
   return num_entries <= PointMinimizerOptions().max_num_factor_entries
              ? 2 * sizeof(double) * num_entries
              : kBytesPerRow * NumObservations(options, size);
@@ -184,7 +193,8 @@ double PredictMemoryGb(const TrackOptions& options, const MappingSize& size) {
       kBytesPerKeypointOfModel * num_keypoints +
       kBytesPerMatchedKeypoint * num_matched +
       kBytesPerObservation * NumObservations(options, size) +
-      kBytesPerCalibrationImage * std::min(num_images, kNumCalibrationImages) +
+      kBytesPerCalibrationImage *
+          std::min<double>(num_images, kMaxNumPosteriorImages) +
       SolverBytes(options, size);
   return (scene + std::max(joining, adjusting)) / kBytesPerGb;
 }

@@ -12,6 +12,8 @@ namespace dgsfm {
 // What the memory depends on.
 struct MappingSize {
   size_t num_images = 0;
+  // Cameras of these.
+  size_t num_cameras = 0;
   // Key points of all images that are used.
   size_t num_keypoints = 0;
   size_t num_pairs = 0;

@@ -1,12 +1,13 @@
 #include "estimators/optimization/bundle_solver.h"
 
 #include "colmap_ext/check.h"
+#include "estimators/optimization/bundle_bodies.h"
 #include "estimators/optimization/camera_projection.h"
-#include "estimators/rotation_vector.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <tuple>
 
 namespace dgsfm {
@@ -15,42 +16,15 @@ namespace {
 
 constexpr int kPose = 6;
 
-// Moves a pose (R, t) to (exp(w) R, exp(w) (t - p) + p + d) by the step of the
-// columns that have one, w and d.
+// The step of the columns of a pose that have one, rotation vector w first.
 template <typename Columns>
-void MovePose(const Columns& columns,
-              const Eigen::VectorXd& column_steps,
-              const Eigen::Vector3d& pivot,
-              Rigid3d* pose) {
-  Eigen::Matrix<double, kPose, 1> step;
+PoseStep StepOf(const Columns& columns, const Eigen::VectorXd& column_steps) {
+  PoseStep step;
   for (int i = 0; i < kPose; ++i) {
     step(i) = columns[i] < 0 ? 0 : column_steps(columns[i]);
   }
-  const Eigen::Quaterniond turn = RotationFromVector(step.head<3>());
-  pose->rotation = (turn * pose->rotation).normalized();
-  pose->translation =
-      turn * (pose->translation - pivot) + pivot + step.tail<3>();
+  return step;
 }
-
-// Mean of points, weighted by the inverse of their distance from the origin.
-class Pivot {
- public:
-  void Add(const Eigen::Vector3d& point) {
-    const double distance = point.norm();
-    if (!(distance > 0)) return;
-    sum_ += point / distance;
-    weight_ += 1 / distance;
-  }
-
-  Eigen::Vector3d Mean() const {
-    const Eigen::Vector3d mean = sum_ / weight_;
-    return mean.allFinite() ? mean : Eigen::Vector3d::Zero();
-  }
-
- private:
-  Eigen::Vector3d sum_ = Eigen::Vector3d::Zero();
-  double weight_ = 0;
-};
 
 // The pose of each image is followed by up to kNumShared parameters: those of
 // its camera, and the pose of its sensor where that is refined.
@@ -60,12 +34,12 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
   using Base = PointProblem<2, kPose + kNumShared>;
   using Row = typename Base::Row;
 
-  BundleProblem(const RobustLoss& loss, Bundle* bundle)
-      : loss_(loss), bundle_(bundle) {
+  BundleProblem(const RobustLoss& loss, int num_threads, Bundle* bundle)
+      : loss_(loss), num_threads_(num_threads), bundle_(bundle) {
     SortObservations();
     AssignColumns();
     UpdatePoses();
-    SetPivots();
+    bodies_.emplace(this->observation_index, bundle);
   }
 
   double Cost(int k) const override {
@@ -141,23 +115,13 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
               bundle_->sensors,
               bundle_->cameras,
               bundle_->points};
-    for (size_t i = 0; i < bundle_->images.size(); ++i) {
-      BundleImage& image = bundle_->images[i];
-      if (image.frame >= 0) continue;
-      MovePose(this->camera_columns[i],
-               column_steps,
-               ImagePivot(i),
-               &image.cam_from_world);
+    std::vector<PoseStep> steps;
+    for (const PoseColumns& columns : body_columns_) {
+      steps.push_back(StepOf(columns, column_steps));
     }
-    for (size_t i = 0; i < frame_columns_.size(); ++i) {
-      MovePose(frame_columns_[i],
-               column_steps,
-               FramePivot(i),
-               &bundle_->frames[i].rig_from_world);
-    }
+    bodies_->Move(steps, point_steps, num_threads_);
     for (size_t i = 0; i < sensor_columns_.size(); ++i) {
-      MovePose(sensor_columns_[i],
-               column_steps,
+      MovePose(StepOf(sensor_columns_[i], column_steps),
                bundle_->sensors[i].cam_from_rig.translation,
                &bundle_->sensors[i].cam_from_rig);
     }
@@ -166,9 +130,6 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
         bundle_->cameras[i].params[param] +=
             column_steps(param_columns_[i][param]);
       }
-    }
-    for (size_t i = 0; i < bundle_->points.size(); ++i) {
-      bundle_->points[i] += point_steps[i];
     }
     UpdatePoses();
   }
@@ -206,25 +167,25 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
                       Row* row) const {
     const BundleImage& image = bundle_->images[observation.image];
     const Eigen::Matrix3d& rotation = rotations_[observation.image];
-    const Eigen::Vector3d rotated =
-        rotation * bundle_->points[observation.point];
+    const Eigen::Vector3d point_in_cam =
+        rotation * bundle_->points[observation.point] +
+        image.cam_from_world.translation;
     for (int i = 0; i < 2; ++i) {
       const Eigen::Vector3d by_point = jacobian.point.row(i);
       row->by_point.col(i).noalias() = rotation.transpose() * by_point;
       if (image.frame >= 0) {
-        LinearizeFrame(image, rotated, by_point, i, row);
+        LinearizeFrame(image, point_in_cam, by_point, i, row);
         continue;
       }
       row->by_camera.template block<3, 1>(0, i) =
-          (rotated +
-           (image.cam_from_world.translation - ImagePivot(observation.image)))
+          (point_in_cam - BodyPivot(*bundle_, image.cam_from_world))
               .cross(by_point);
       row->by_camera.template block<3, 1>(3, i) = by_point;
     }
   }
 
   void LinearizeFrame(const BundleImage& image,
-                      const Eigen::Vector3d& rotated,
+                      const Eigen::Vector3d& point_in_cam,
                       const Eigen::Vector3d& by_point,
                       int residual,
                       Row* row) const {
@@ -232,21 +193,19 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     const Eigen::Quaterniond rig_from_cam =
         sensor.cam_from_rig.rotation.conjugate();
     const Eigen::Vector3d by_point_in_rig = rig_from_cam * by_point;
-    const Eigen::Vector3d offset =
-        bundle_->frames[image.frame].rig_from_world.translation -
-        FramePivot(image.frame);
+    const Eigen::Vector3d point_in_rig =
+        rig_from_cam * (point_in_cam - sensor.cam_from_rig.translation);
+    const Eigen::Vector3d pivot =
+        BodyPivot(*bundle_, bundle_->frames[image.frame].rig_from_world);
     row->by_camera.template block<3, 1>(0, residual) =
-        (rig_from_cam * rotated + offset).cross(by_point_in_rig);
+        (point_in_rig - pivot).cross(by_point_in_rig);
     row->by_camera.template block<3, 1>(3, residual) = by_point_in_rig;
     if (!sensor.is_refined) return;
-    const Eigen::Vector3d rotated_by_sensor = rotated +
-                                              image.cam_from_world.translation -
-                                              sensor.cam_from_rig.translation;
     const Eigen::Index first =
         kPose +
         Eigen::Index(bundle_->cameras[image.camera].refined_params.size());
     row->by_camera.template block<3, 1>(first, residual) =
-        rotated_by_sensor.cross(by_point);
+        (point_in_cam - sensor.cam_from_rig.translation).cross(by_point);
     row->by_camera.template block<3, 1>(first + 3, residual) = by_point;
   }
 
@@ -256,16 +215,18 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     const BundleImage& image = bundle_->images[index];
     std::array<int, 2 * kPose> columns;
     std::copy_n(this->camera_columns[index].begin(), kPose, columns.begin());
-    Eigen::Matrix3Xd by_columns =
-        CenterByPose(image.cam_from_world, ImagePivot(index));
+    Eigen::Matrix3Xd by_columns = CenterByPose(
+        image.cam_from_world, BodyPivot(*bundle_, image.cam_from_world));
     if (image.frame >= 0) {
       const PoseColumns& sensor_columns = sensor_columns_[image.sensor];
       std::copy(sensor_columns.begin(),
                 sensor_columns.end(),
                 columns.begin() + kPose);
+      const Rigid3d& rig_from_world =
+          bundle_->frames[image.frame].rig_from_world;
       by_columns = CenterByPoses(bundle_->sensors[image.sensor].cam_from_rig,
-                                 bundle_->frames[image.frame].rig_from_world,
-                                 FramePivot(image.frame));
+                                 rig_from_world,
+                                 BodyPivot(*bundle_, rig_from_world));
     }
     LinearizeCenterPrior(bundle_->center_priors[index],
                          bundle_->center_prior_weight,
@@ -324,7 +285,7 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
       }
     }
     for (const BundleFrame& frame : bundle_->frames) {
-      frame_columns_.push_back(NewPoseColumns(frame.is_constant));
+      body_columns_.push_back(NewPoseColumns(frame.is_constant));
     }
     for (const BundleSensor& sensor : bundle_->sensors) {
       std::array<bool, kPose> is_constant;
@@ -344,9 +305,11 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
 
   void AssignColumnsOf(const BundleImage& image) {
     const BundleCamera& camera = bundle_->cameras.at(image.camera);
-    const PoseColumns pose_columns = image.frame < 0
-                                         ? NewPoseColumns(image.is_constant)
-                                         : frame_columns_.at(image.frame);
+    if (image.frame < 0) {
+      body_columns_.push_back(NewPoseColumns(image.is_constant));
+    }
+    const PoseColumns& pose_columns =
+        image.frame < 0 ? body_columns_.back() : body_columns_.at(image.frame);
     auto& columns = this->camera_columns.emplace_back();
     columns.fill(-1);
     auto next =
@@ -386,55 +349,17 @@ class BundleProblem : public PointProblem<2, kPose + kNumShared> {
     }
   }
 
-  // What a pose turns about. Where a part of the translation is constant, and
-  // by default, this is the translation, which a turn then leaves as it is.
-  Eigen::Vector3d ImagePivot(size_t i) const {
-    const BundleImage& image = bundle_->images[i];
-    return TurnsAboutPoints(image.is_constant)
-               ? image_pivots_[i]
-               : image.cam_from_world.translation;
-  }
-
-  Eigen::Vector3d FramePivot(size_t i) const {
-    const BundleFrame& frame = bundle_->frames[i];
-    return TurnsAboutPoints(frame.is_constant)
-               ? frame_pivots_[i]
-               : frame.rig_from_world.translation;
-  }
-
-  bool TurnsAboutPoints(const std::array<bool, kPose>& is_constant) const {
-    return bundle_->turn_about_points &&
-           std::none_of(is_constant.begin() + 3,
-                        is_constant.end(),
-                        [](bool constant) { return constant; });
-  }
-
-  void SetPivots() {
-    if (!bundle_->turn_about_points) return;
-    std::vector<Pivot> images(bundle_->images.size());
-    std::vector<Pivot> frames(bundle_->frames.size());
-    for (const BundleObservation& observation : bundle_->observations) {
-      const BundleImage& image = bundle_->images[observation.image];
-      const Eigen::Vector3d& point = bundle_->points[observation.point];
-      images[observation.image].Add(image.cam_from_world * point);
-      if (image.frame < 0) continue;
-      frames[image.frame].Add(bundle_->frames[image.frame].rig_from_world *
-                              point);
-    }
-    for (const Pivot& pivot : images) image_pivots_.push_back(pivot.Mean());
-    for (const Pivot& pivot : frames) frame_pivots_.push_back(pivot.Mean());
-  }
-
   const RobustLoss loss_;
+  const int num_threads_;
   Bundle* bundle_;
   std::vector<ProjectionFunction> projections_;
   // Column of each parameter of each camera, -1 where it is held.
   std::vector<std::vector<int>> param_columns_;
-  std::vector<PoseColumns> frame_columns_;
+  std::vector<PoseColumns> body_columns_;
   std::vector<PoseColumns> sensor_columns_;
   std::vector<Eigen::Matrix3d> rotations_;
-  std::vector<Eigen::Vector3d> image_pivots_;
-  std::vector<Eigen::Vector3d> frame_pivots_;
+  // After the observations are sorted.
+  std::optional<BundleBodies> bodies_;
   // Before the last step.
   Parameters saved_;
 };
@@ -454,18 +379,20 @@ PointMinimizerSummary SolveBundle(const PointMinimizerOptions& options,
   if (std::any_of(bundle->sensors.begin(),
                   bundle->sensors.end(),
                   [](const auto& s) { return s.is_refined; })) {
-    return solve(BundleProblem<kMaxNumCameraParams + kPose>(loss, bundle));
+    return solve(BundleProblem<kMaxNumCameraParams + kPose>(
+        loss, options.num_threads, bundle));
   }
   if (num_intrinsics <= 2) {
-    return solve(BundleProblem<2>(loss, bundle));
+    return solve(BundleProblem<2>(loss, options.num_threads, bundle));
   }
   if (num_intrinsics <= 4) {
-    return solve(BundleProblem<4>(loss, bundle));
+    return solve(BundleProblem<4>(loss, options.num_threads, bundle));
   }
   if (num_intrinsics <= 8) {
-    return solve(BundleProblem<8>(loss, bundle));
+    return solve(BundleProblem<8>(loss, options.num_threads, bundle));
   }
-  return solve(BundleProblem<kMaxNumCameraParams>(loss, bundle));
+  return solve(
+      BundleProblem<kMaxNumCameraParams>(loss, options.num_threads, bundle));
 }
 
 }  // namespace dgsfm

@@ -26,7 +26,7 @@ struct BundleCamera {
 // Cameras that move together.
 struct BundleFrame {
   Rigid3d rig_from_world;
-  // Components of rotation vector and translation that are held.
+  // Components of rotation vector and shift that are held, see SolveBundle.
   std::array<bool, 6> is_constant = {};
 };
 
@@ -43,7 +43,7 @@ struct BundleImage {
   // Its frame and its sensor; -1 if it moves by itself.
   int frame = -1;
   int sensor = -1;
-  // Components of rotation vector and translation that are held.
+  // Components of rotation vector and shift that are held, see SolveBundle.
   std::array<bool, 6> is_constant = {};
 };
 
@@ -80,18 +80,19 @@ struct Bundle {
   std::vector<CenterPrior> center_priors;
   // What they count [px].
   CenterPriorWeight center_prior_weight;
-  // Whether poses turn about the mean of the points that they see, weighted by
-  // the inverse of their distance, instead of the origin of the world: turns
-  // are next to linear then, however far from the origin.
-  bool turn_about_points = false;
+  // Whether steps are curved, see estimators/optimization/curved_step.h, where
+  // one pose is held and at most one component of d of another; that component
+  // of the translation itself stays then.
+  bool curved_steps = false;
 };
 
 // Minimises sum_k rho(|x_k - pi(P_k X_k)|^2) / 2 over the poses, points and
 // refined parameters of a bundle, with a loss rho of errors in px. Poses move
-// by cam_from_world = (exp(w) R, exp(w) (t - p) + p + d) with the pivot p of
-// turn_about_points, by default t. Images of a frame
-// have cam_from_world = cam_from_rig * rig_from_world, of which the second
-// pose, and the first where it is refined, move in that way instead.
+// by cam_from_world = (exp(w) R, exp(w) (t - p) + p + d), with p = t, or p = 0
+// where steps are curved: they turn about the origin of the world or about
+// their centres. Images of a frame have cam_from_world = cam_from_rig *
+// rig_from_world, of which the second pose, and the first where it is refined,
+// move in that way instead. Held components are those of w and d.
 //
 // Each prior adds rho(sum_i ((p_i - mean_i) / stddev_per_px_i)^2) / 2 with the
 // Cauchy loss of its scale. Prior centres add their costs, see

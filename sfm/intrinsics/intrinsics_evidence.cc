@@ -102,6 +102,17 @@ double LogOddsOfPrior(const CenterDeviation& deviation,
          log_likelihood(deviation.keypoint_covariance);
 }
 
+// Registered images by the first camera of each group.
+std::map<colmap::camera_t, std::vector<colmap::image_t>> ImagesOfGroups(
+    const CameraBeliefs& beliefs, const colmap::Reconstruction& model) {
+  std::map<colmap::camera_t, std::vector<colmap::image_t>> images;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    images[beliefs.FirstOfGroup(model.Image(image_id).CameraId())].push_back(
+        image_id);
+  }
+  return images;
+}
+
 }  // namespace
 
 std::vector<colmap::image_t> FindDeviatingImages(
@@ -115,6 +126,7 @@ std::vector<colmap::image_t> FindDeviatingImages(
     shared[beliefs.FirstOfGroup(model.Image(image_id).CameraId())].push_back(
         image_id);
   }
+  const auto images_of = ImagesOfGroups(beliefs, model);
   std::vector<colmap::image_t> deviating;
   for (const auto& [camera_id, image_ids] : shared) {
     if (image_ids.size() < 2) continue;
@@ -139,9 +151,13 @@ std::vector<colmap::image_t> FindDeviatingImages(
     VLOG(1) << "Camera " << camera_id << ": focal lengths of " << count
             << " images differ by " << rms << " standard deviations, at most "
             << deviations.cwiseAbs().maxCoeff();
+    if (rms > kMaxRmsFocalDeviation) {
+      const std::vector<colmap::image_t>& all = images_of.at(camera_id);
+      deviating.insert(deviating.end(), all.begin(), all.end());
+      continue;
+    }
     for (Eigen::Index i = 0; i < count; ++i) {
-      if (rms > kMaxRmsFocalDeviation ||
-          std::abs(deviations(i)) > kMaxFocalDeviation) {
+      if (std::abs(deviations(i)) > kMaxFocalDeviation) {
         deviating.push_back(image_ids[size_t(i)]);
       }
     }
@@ -155,11 +171,7 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model) {
-  // By the first camera of each group.
-  std::map<colmap::camera_t, int> num_images;
-  for (const colmap::image_t image_id : model.RegImageIds()) {
-    ++num_images[beliefs.FirstOfGroup(model.Image(image_id).CameraId())];
-  }
+  const auto images_of = ImagesOfGroups(beliefs, model);
   std::map<colmap::camera_t, CenterDeviation> deviations;
   for (const auto& [camera_id, first_param] : posterior.first_params) {
     const auto deviation = DeviationOfCenter(model.Camera(camera_id),
@@ -182,7 +194,7 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const bool is_crop =
         deviation.ChiSquare() > max_chi_square &&
         deviation.offset_px.norm() > prior.crop_factor * stddev_px;
-    const bool is_determined = num_images[camera_id] > 1 &&
+    const bool is_determined = images_of.at(camera_id).size() > 1 &&
                                uncertainty < kMaxUncertaintyRatio &&
                                LogOddsOfPrior(deviation, stddev_px) > 0;
     if (is_crop || is_determined) freed.insert(camera_id);

@@ -13,7 +13,8 @@ namespace dgsfm {
 // Images whose focal lengths differ from that of the camera or group that they
 // share, by what each of these images determines by itself (`by_image`, at a
 // model that is adjusted with shared intrinsics): those far from the mean, or
-// all where the deviations are large together. Ascending.
+// all, images without a posterior included, where the deviations are large
+// together. Ascending.
 std::vector<colmap::image_t> FindDeviatingImages(
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& by_image,

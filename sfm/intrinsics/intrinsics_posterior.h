@@ -11,6 +11,9 @@
 
 namespace dgsfm {
 
+// Models of more images are judged by so many of them.
+constexpr size_t kMaxNumPosteriorImages = 200;
+
 // Which images share intrinsics.
 enum class IntrinsicsBlocks {
   BY_CAMERA,  // those of a camera, and those of the cameras of a group
@@ -58,6 +61,6 @@ std::optional<IntrinsicsPosterior> EstimateIntrinsicsPosterior(
     const CameraBeliefs& beliefs,
     const colmap::Reconstruction& model,
     IntrinsicsBlocks blocks = IntrinsicsBlocks::BY_CAMERA,
-    size_t max_num_images = 200);
+    size_t max_num_images = kMaxNumPosteriorImages);
 
 }  // namespace dgsfm

@@ -4,6 +4,8 @@
 #include "sfm/intrinsics/intrinsics_evidence.h"
 #include "sfm/mapping/model_refinement.h"
 
+#include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
@@ -43,6 +45,28 @@ void ResetPrincipalPoints(const CameraBeliefs& beliefs,
   }
 }
 
+// Drops groups of so few images of a large model that hardly two would be among
+// those that show whether their focal lengths are the same.
+void DropGroupsThatAreNotJudged(const colmap::Reconstruction& model,
+                                std::vector<CameraGroup>* groups) {
+  const double share =
+      double(kMaxNumPosteriorImages) / double(model.NumRegImages());
+  if (share >= 1) return;
+  std::map<colmap::camera_t, int> num_images;
+  for (const colmap::image_t image_id : model.RegImageIds()) {
+    ++num_images[model.Image(image_id).CameraId()];
+  }
+  const auto is_small = [&](const CameraGroup& group) {
+    int count = 0;
+    for (const colmap::camera_t camera_id : group.camera_ids) {
+      count += num_images[camera_id];
+    }
+    return share * count < 2;
+  };
+  groups->erase(std::remove_if(groups->begin(), groups->end(), is_small),
+                groups->end());
+}
+
 // Whether any two registered images share a camera, or cameras a group.
 bool SharesIntrinsics(const CameraBeliefs& beliefs,
                       const colmap::Reconstruction& model) {
@@ -69,6 +93,7 @@ void TieCameraClasses(const IntrinsicsPriorOptions& prior,
                       CameraBeliefs* beliefs,
                       colmap::Reconstruction* model) {
   beliefs->groups = FindCameraClasses(prior, *beliefs, *model);
+  DropGroupsThatAreNotJudged(*model, &beliefs->groups);
   for (const CameraGroup& group : beliefs->groups) {
     std::vector<double> focals_px;
     for (const colmap::camera_t camera_id : group.camera_ids) {

@@ -27,8 +27,9 @@ struct SelfCalibrationOptions {
   int num_threads = 1;
 };
 
-// Ties all cameras of a kind in `beliefs` and gives each group in the model the
-// median focal length of its cameras.
+// Ties all cameras of a kind in `beliefs`, unless they are too few in a large
+// model for FindContradictingImages to judge them, and gives each group in the
+// model the median focal length of its cameras.
 void TieCameraClasses(const IntrinsicsPriorOptions& prior,
                       CameraBeliefs* beliefs,
                       colmap::Reconstruction* model);

@@ -25,11 +25,10 @@ constexpr size_t kMinNumObservationsPerCamera = 50;
 // Observations below which threads cost more than they give.
 constexpr size_t kMinNumObservationsForThreads = 10000;
 
-// Images from which on models are adjusted as those that drift are: by poses
-// that turn about their points, and by steps that are hardly damped, less and
-// less so. Drift over thousands of images moves only so. Models of few images
-// come out worse: what they leave open goes further than it should.
-constexpr size_t kMinNumImagesWithDrift = 2000;
+// Images from which on models are adjusted as those that drift are: by curved
+// steps that are hardly damped, less and less so. Models of few images come out
+// worse: what they leave open goes further than it should.
+constexpr size_t kMinNumImagesWithDrift = 100;
 constexpr double kInitialDampingWithDrift = 1e-9;
 constexpr double kDampingRatioWithDrift = 0.1;
 
@@ -110,13 +109,13 @@ class ModelBundle {
     if (num_observations == 0) return std::nullopt;
     PointMinimizerOptions options;
     options.label = "Bundle adjustment";
-    if (bundle_.images.size() >= kMinNumImagesWithDrift) {
-      options.initial_damping = kInitialDampingWithDrift;
-      options.min_damping_ratio = kDampingRatioWithDrift;
-      bundle_.turn_about_points = true;
-    }
     options.max_num_iterations = options_.max_num_iterations;
     options.function_tolerance = options_.function_tolerance;
+    if (MayDrift(*model_)) {
+      options.initial_damping = kInitialDampingWithDrift;
+      options.min_damping_ratio = kDampingRatioWithDrift;
+      bundle_.curved_steps = true;
+    }
     options.num_threads = num_observations < kMinNumObservationsForThreads
                               ? 1
                               : EffectiveNumThreads(num_threads);
@@ -301,6 +300,10 @@ ReprojectionErrors CollectErrors(const colmap::Reconstruction& model) {
 }
 
 }  // namespace
+
+bool MayDrift(const colmap::Reconstruction& model) {
+  return model.NumRegImages() >= kMinNumImagesWithDrift;
+}
 
 RobustLoss BundleAdjustmentOptions::Loss() const {
   if (cauchy_scale_px) return {RobustLoss::Type::CAUCHY, *cauchy_scale_px};

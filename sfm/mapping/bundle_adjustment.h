@@ -85,6 +85,11 @@ LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
 LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
                              const colmap::Reconstruction& model);
 
+// Whether a model has so many images that it may bend over its length by an
+// angle that hardly shows in its errors. Adjustments then take curved steps
+// that are hardly damped.
+bool MayDrift(const colmap::Reconstruction& model);
+
 // Minimises the robust reprojection errors of all observations and the squared
 // deviations of intrinsics from what is believed (priors, and the means of the
 // groups) over poses, points, intrinsics and means. Images of a frame move

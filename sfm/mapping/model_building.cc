@@ -204,9 +204,12 @@ void CalibrateCameras(const MappingContext& context,
 
 size_t AdjustAgain(const MappingContext& context,
                    ModelInProgress* progress,
-                   StageTimer* timer) {
+                   StageTimer* timer,
+                   double tolerance_factor) {
+  BundleAdjustmentOptions adjustment = FinalAdjustment(context, *progress);
+  adjustment.function_tolerance *= tolerance_factor;
   const std::optional<double> rms = Adjust(context,
-                                           FinalAdjustment(context, *progress),
+                                           adjustment,
                                            progress->beliefs,
                                            progress->rigs,
                                            progress->center_priors,

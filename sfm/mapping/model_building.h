@@ -37,10 +37,11 @@ void FreePrincipalPoints(const MappingContext& context,
                          ModelInProgress* progress);
 
 // Adjusts the model as it is to stay and filters it; returns the number of
-// observations that left.
+// observations that left. The factor is that of the function tolerance.
 size_t AdjustAgain(const MappingContext& context,
                    ModelInProgress* progress,
-                   StageTimer* timer);
+                   StageTimer* timer,
+                   double tolerance_factor = 1);
 
 // Holds cameras whose intrinsics ran away at their values before the
 // adjustment, which keeps their images.

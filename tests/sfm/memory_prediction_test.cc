@@ -52,5 +52,17 @@ TEST(PredictMemoryGb, GrowsWithWhatIsUsed) {
   EXPECT_EQ(PredictMemoryGb(bounded, size), PredictMemoryGb({}, size));
 }
 
+TEST(PredictMemoryGb, CamerasOfTheirOwnMakeTheFactorLarger) {
+  MappingSize size;
+  size.num_images = 1000;
+  size.num_factor_blocks = 1e6;
+  size.num_cameras = 0;
+  const double by_poses_gb = PredictMemoryGb({}, size);
+  size.num_cameras = size.num_images;
+  // Factor and matrix, 8 bytes an entry, of 10 columns an image instead of 6.
+  EXPECT_NEAR(
+      PredictMemoryGb({}, size) - by_poses_gb, (100 - 36) * 2 * 8e-3, 1e-9);
+}
+
 }  // namespace
 }  // namespace dgsfm

@@ -381,21 +381,79 @@ TEST(SolveBundle, FramesKeepTheirShapeAndFixTheScale) {
   }
 }
 
-TEST(SolveBundle, TurnsAboutPointsFindTheSameMinimum) {
+// A strip of images that see points before them, bent by an angle.
+Bundle BentStrip(int num_images, double angle_rad) {
+  Bundle bundle;
+  bundle.cameras.push_back({2, {500, 320, 240, 0}, {}});
+  const auto bent = [&](double x) {
+    const double angle = angle_rad * x / num_images;
+    const double radius = num_images / angle_rad;
+    return Rigid3d(
+        Eigen::Quaterniond(Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY())),
+        radius * Eigen::Vector3d(std::sin(angle), 0, 1 - std::cos(angle)));
+  };
+  for (int i = 0; i < num_images; ++i) {
+    bundle.images.emplace_back().cam_from_world = bent(i).Inverse();
+  }
+  for (int i = 0; i < num_images; ++i) {
+    for (int row = 0; row < 6; ++row) {
+      const Eigen::Vector3d offset(
+          0.1 * row, -1.5 + 0.6 * row, 4 + (i + row) % 3);
+      for (int j = std::max(0, i - 2); j < std::min(num_images, i + 3); ++j) {
+        const Eigen::Vector3d in_cam = offset + Eigen::Vector3d(i - j, 0, 0);
+        bundle.observations.push_back(
+            {j,
+             int(bundle.points.size()),
+             500 * in_cam.hnormalized() + Eigen::Vector2d(320, 240)});
+      }
+      bundle.points.push_back(bent(i) * offset);
+    }
+  }
+  bundle.images.front().is_constant.fill(true);
+  bundle.images.back().is_constant[3] = true;
+  bundle.curved_steps = true;
+  return bundle;
+}
+
+TEST(SolveBundle, CurvedStepsFindTheSameMinimum) {
   for (const bool has_rig : {false, true}) {
-    Bundle start = has_rig ? DisturbedFrames(TrueRigBundle())
-                           : Disturbed(TrueBundle({false, 0.5}));
-    Bundle turned = start;
-    turned.turn_about_points = true;
+    Bundle straight = has_rig ? DisturbedFrames(TrueRigBundle())
+                              : Disturbed(TrueBundle({false, 0.5}));
+    Bundle curved = straight;
+    curved.curved_steps = true;
     const PointMinimizerSummary expected =
-        SolveBundle(Converging(), kLoss, &start);
+        SolveBundle(Converging(), kLoss, &straight);
     const PointMinimizerSummary summary =
-        SolveBundle(Converging(), kLoss, &turned);
+        SolveBundle(Converging(), kLoss, &curved);
     // Exact observations of the rig leave rounding only.
     EXPECT_NEAR(summary.final_cost,
                 expected.final_cost,
                 1e-9 * expected.final_cost + 1e-9);
-    EXPECT_LT(MaxPointError(turned, start), 1e-4);
+    EXPECT_LT(MaxPointError(curved, straight), 1e-4);
+    // What fixes the gauge stays.
+    EXPECT_EQ(curved.images[0].cam_from_world.translation,
+              straight.images[0].cam_from_world.translation);
+    EXPECT_EQ(curved.images.back().cam_from_world.translation.z(),
+              has_rig ? curved.images.back().cam_from_world.translation.z()
+                      : straight.images.back().cam_from_world.translation.z());
+  }
+}
+
+TEST(SolveBundle, BentStripUnbendsInFewSteps) {
+  Bundle bundle = BentStrip(200, 30 * M_PI / 180);
+  PointMinimizerOptions options = Converging();
+  options.initial_damping = 1e-9;
+  options.min_damping_ratio = 0.1;
+  options.function_tolerance = 1e-4;
+  // Steps along straight lines are rejected, and take 100 and more.
+  options.max_num_iterations = 10;
+  const PointMinimizerSummary summary = SolveBundle(options, kLoss, &bundle);
+  EXPECT_TRUE(summary.success);
+  EXPECT_LT(summary.final_cost, 1e-6 * summary.initial_cost);
+  for (int i = 0; i < 200; ++i) {
+    const Rigid3d& pose = bundle.images[i].cam_from_world;
+    EXPECT_LT(pose.rotation.angularDistance(Eigen::Quaterniond::Identity()),
+              1e-4);
   }
 }
 

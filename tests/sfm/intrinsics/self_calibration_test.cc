@@ -385,6 +385,56 @@ TEST(RenameCameras, MergesCamerasOfGroupsOnly) {
             scene.Model().ComputeNumObservations());
 }
 
+// Images with a camera each, all of one image size but the first two.
+colmap::Reconstruction ManyCameras(int num_images, CameraBeliefs* beliefs) {
+  colmap::Reconstruction model;
+  for (int i = 1; i <= num_images; ++i) {
+    colmap::Camera camera;
+    camera.SetCameraId(i);
+    camera.InitializeWithName(
+        "SIMPLE_RADIAL", 500, /*width=*/i <= 2 ? 640 : 800, 600);
+    model.AddCamera(camera);
+    beliefs->given[i] = camera;
+    colmap::Image image;
+    image.SetImageId(i);
+    image.SetCameraId(i);
+    image.SetName(std::to_string(i));
+    model.AddImage(image);
+    model.RegisterImage(i);
+  }
+  return model;
+}
+
+TEST(TieCameraClasses, LeavesGroupsThatAreNotJudgedUntied) {
+  for (const int num_images : {100, 1000}) {
+    CameraBeliefs beliefs;
+    colmap::Reconstruction model = ManyCameras(num_images, &beliefs);
+    TieCameraClasses({}, &beliefs, &model);
+    // Of 1,000 images 200 are looked at, of the two of one size hardly both.
+    EXPECT_EQ(beliefs.groups.size(), num_images == 100 ? 2 : 1);
+    EXPECT_EQ(beliefs.GroupOf(1) != nullptr, num_images == 100);
+    EXPECT_NE(beliefs.GroupOf(3), nullptr);
+  }
+}
+
+TEST(FindDeviatingImages, LargeDifferencesUntieTheOtherImagesToo) {
+  CameraBeliefs beliefs;
+  colmap::Reconstruction model = ManyCameras(6, &beliefs);
+  TieCameraClasses({}, &beliefs, &model);
+  for (const bool differ : {false, true}) {
+    IntrinsicsPosterior by_image;
+    // Images 3 and 4 were looked at, 5 and 6 have the same size.
+    by_image.first_params = {{3, 0}, {4, 4}};
+    by_image.params = Eigen::VectorXd::Zero(8);
+    by_image.params(0) = 500;
+    by_image.params(4) = differ ? 600 : 501;
+    by_image.covariance = Eigen::MatrixXd::Identity(8, 8);
+    EXPECT_EQ(FindDeviatingImages(beliefs, by_image, model),
+              differ ? std::vector<colmap::image_t>({3, 4, 5, 6})
+                     : std::vector<colmap::image_t>());
+  }
+}
+
 TEST(CalibrateModel, HoldsPrincipalPointsUnlessTheImagesAreCrops) {
   // Were all of them crops, a common shift would hardly be observable.
   for (const double crop_ratio : {0.0, 0.5}) {
