@@ -200,8 +200,10 @@ std::string DescribeCalibration(const Reports& reports) {
          (num_cameras == 0 ? std::string("each camera by itself")
                            : CountText(num_cameras, "camera") + " tied in " +
                                  CountText(reports.Count("groups"), "group")) +
-         IfAny(
-             reports.Count("principal_points_held"), "principal point", "held");
+         IfAny(reports.Count("principal_points_held"),
+               "principal point",
+               "held") +
+         IfAny(reports.Count("distortions_held"), "distortion", "held");
 }
 
 std::string DescribeCompletion(const Reports& reports) {

@@ -46,30 +46,33 @@ Eigen::VectorXd DeviationsFromMean(const Eigen::VectorXd& values,
          (variances.max(0) + kMinLogFocalStddev * kMinLogFocalStddev).sqrt();
 }
 
-// Deviation of a principal point from the given one [px].
-struct CenterDeviation {
-  Eigen::Vector2d offset_px;
+// Deviation of some parameters of a camera, its principal point or its
+// distortion, from the given ones [px, 1].
+struct ParamsDeviation {
+  Eigen::VectorXd offset;
   // By all errors, and by those of single key points.
-  Eigen::Matrix2d covariance;
-  Eigen::Matrix2d keypoint_covariance;
+  Eigen::MatrixXd covariance;
+  Eigen::MatrixXd keypoint_covariance;
 
-  double ChiSquare() const {
-    return offset_px.dot(covariance.inverse() * offset_px);
-  }
+  double ChiSquare() const { return offset.dot(covariance.inverse() * offset); }
 };
 
-// Nothing where the principal point is held.
-std::optional<CenterDeviation> DeviationOfCenter(
+// Nothing where a parameter is held, or there is none.
+std::optional<ParamsDeviation> DeviationOf(
+    const std::vector<size_t>& idxs,
     const colmap::Camera& camera,
     const colmap::Camera& given,
     Eigen::Index first_param,
     const IntrinsicsPosterior& posterior) {
-  CenterDeviation deviation;
-  const std::vector<size_t>& idxs = given.PrincipalPointIdxs();
-  for (Eigen::Index i = 0; i < 2; ++i) {
+  const auto count = Eigen::Index(idxs.size());
+  if (count == 0) return std::nullopt;
+  ParamsDeviation deviation = {Eigen::VectorXd(count),
+                               Eigen::MatrixXd(count, count),
+                               Eigen::MatrixXd(count, count)};
+  for (Eigen::Index i = 0; i < count; ++i) {
     const size_t row = idxs[size_t(i)];
-    deviation.offset_px(i) = camera.Params(row) - given.Params(row);
-    for (Eigen::Index j = 0; j < 2; ++j) {
+    deviation.offset(i) = camera.Params(row) - given.Params(row);
+    for (Eigen::Index j = 0; j < count; ++j) {
       const Eigen::Index param1 = first_param + Eigen::Index(row);
       const Eigen::Index param2 = first_param + Eigen::Index(idxs[size_t(j)]);
       deviation.covariance(i, j) = posterior.covariance(param1, param2);
@@ -82,23 +85,23 @@ std::optional<CenterDeviation> DeviationOfCenter(
 }
 
 // Standard deviation in the least certain direction.
-double MaxStddev(const Eigen::Matrix2d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(covariance);
-  return std::sqrt(eigen.eigenvalues()(1));
+double MaxStddev(const Eigen::MatrixXd& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  return std::sqrt(eigen.eigenvalues().maxCoeff());
 }
 
-// Logarithm of the odds, even ones before, that a principal point is drawn from
-// its prior, and is not the given one with errors of key points.
-double LogOddsOfPrior(const CenterDeviation& deviation,
-                      double prior_stddev_px) {
-  const auto log_likelihood = [&](const Eigen::Matrix2d& covariance) {
-    return -0.5 * (std::log(covariance.determinant()) +
-                   deviation.offset_px.dot(covariance.inverse() *
-                                           deviation.offset_px));
+// Logarithm of the odds, even ones before, that parameters are drawn from their
+// prior, and are not the given ones with errors of key points.
+double LogOddsOfPrior(const ParamsDeviation& deviation, double prior_stddev) {
+  const auto log_likelihood = [&](const Eigen::MatrixXd& covariance) {
+    return -0.5 *
+           (std::log(covariance.determinant()) +
+            deviation.offset.dot(covariance.inverse() * deviation.offset));
   };
+  const Eigen::Index count = deviation.offset.size();
   return log_likelihood(deviation.keypoint_covariance +
-                        prior_stddev_px * prior_stddev_px *
-                            Eigen::Matrix2d::Identity()) -
+                        prior_stddev * prior_stddev *
+                            Eigen::MatrixXd::Identity(count, count)) -
          log_likelihood(deviation.keypoint_covariance);
 }
 
@@ -111,6 +114,18 @@ std::map<colmap::camera_t, std::vector<colmap::image_t>> ImagesOfGroups(
         image_id);
   }
   return images;
+}
+
+// Cameras of the groups that are chosen by their first camera.
+template <typename IsChosen>
+std::set<colmap::camera_t> CamerasOf(const CameraBeliefs& beliefs,
+                                     const colmap::Reconstruction& model,
+                                     const IsChosen& is_chosen) {
+  std::set<colmap::camera_t> chosen;
+  for (const auto& [camera_id, camera] : model.Cameras()) {
+    if (is_chosen(beliefs.FirstOfGroup(camera_id))) chosen.insert(camera_id);
+  }
+  return chosen;
 }
 
 }  // namespace
@@ -172,12 +187,14 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model) {
   const auto images_of = ImagesOfGroups(beliefs, model);
-  std::map<colmap::camera_t, CenterDeviation> deviations;
+  std::map<colmap::camera_t, ParamsDeviation> deviations;
   for (const auto& [camera_id, first_param] : posterior.first_params) {
-    const auto deviation = DeviationOfCenter(model.Camera(camera_id),
-                                             beliefs.given.at(camera_id),
-                                             first_param,
-                                             posterior);
+    const colmap::Camera& given = beliefs.given.at(camera_id);
+    const auto deviation = DeviationOf(given.PrincipalPointIdxs(),
+                                       model.Camera(camera_id),
+                                       given,
+                                       first_param,
+                                       posterior);
     if (deviation) deviations.emplace(camera_id, *deviation);
   }
   // The distribution of chi-square with two degrees of freedom is exponential.
@@ -190,22 +207,49 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const double uncertainty = MaxStddev(deviation.covariance) / stddev_px;
     VLOG(1) << "Principal point of camera " << camera_id << ": uncertainty "
             << uncertainty << " of the prior's, off by "
-            << deviation.offset_px.transpose() << " px";
+            << deviation.offset.transpose() << " px";
     const bool is_crop =
         deviation.ChiSquare() > max_chi_square &&
-        deviation.offset_px.norm() > prior.crop_factor * stddev_px;
+        deviation.offset.norm() > prior.crop_factor * stddev_px;
     const bool is_determined = images_of.at(camera_id).size() > 1 &&
                                uncertainty < kMaxUncertaintyRatio &&
                                LogOddsOfPrior(deviation, stddev_px) > 0;
     if (is_crop || is_determined) freed.insert(camera_id);
   }
-  std::set<colmap::camera_t> held;
-  for (const auto& [camera_id, camera] : model.Cameras()) {
-    if (freed.count(beliefs.FirstOfGroup(camera_id)) == 0) {
-      held.insert(camera_id);
-    }
+  return CamerasOf(beliefs, model, [&](colmap::camera_t first_id) {
+    return freed.count(first_id) == 0;
+  });
+}
+
+std::set<colmap::camera_t> FindHeldDistortions(
+    const IntrinsicsPriorOptions& prior,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model) {
+  const auto images_of = ImagesOfGroups(beliefs, model);
+  std::set<colmap::camera_t> held_firsts;
+  for (const auto& [camera_id, first_param] : posterior.first_params) {
+    const size_t num_images = images_of.at(camera_id).size();
+    if (num_images < 2) continue;
+    const colmap::Camera& given = beliefs.given.at(camera_id);
+    auto deviation = DeviationOf(given.ExtraParamsIdxs(),
+                                 model.Camera(camera_id),
+                                 given,
+                                 first_param,
+                                 posterior);
+    if (!deviation) continue;
+    // The other images know as much each as those that were looked at.
+    deviation->keypoint_covariance *=
+        posterior.num_images.at(camera_id) / double(num_images);
+    const double log_odds =
+        LogOddsOfPrior(*deviation, prior.extra_params_stddev);
+    VLOG(1) << "Distortion of camera " << camera_id << ": "
+            << deviation->offset.transpose() << ", log odds " << log_odds;
+    if (log_odds < 0) held_firsts.insert(camera_id);
   }
-  return held;
+  return CamerasOf(beliefs, model, [&](colmap::camera_t first_id) {
+    return held_firsts.count(first_id) > 0;
+  });
 }
 
 }  // namespace dgsfm

@@ -1,5 +1,6 @@
 // What the posterior of the intrinsics decides: images that contradict the
-// intrinsics they share, and principal points that stay at the given ones.
+// intrinsics they share, and principal points and distortions that stay at the
+// given ones.
 
 #pragma once
 
@@ -30,6 +31,16 @@ std::vector<colmap::image_t> FindDeviatingImages(
 //   cameras together), and by more than prior.crop_factor standard deviations
 //   of the prior: crops.
 std::set<colmap::camera_t> FindHeldPrincipalPoints(
+    const IntrinsicsPriorOptions& prior,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model);
+
+// Cameras of such a model, of several images each, whose distortions stay at
+// the given ones: by the errors of key points these are likelier than ones
+// drawn from the prior. Undistorted photos have none, and what errors make of
+// it bends long models.
+std::set<colmap::camera_t> FindHeldDistortions(
     const IntrinsicsPriorOptions& prior,
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,

@@ -158,6 +158,9 @@ class PosteriorProblem {
         inverse,
         unit_variance / 2 * (inverse_block + inverse_block.transpose()));
 
+    for (const colmap::image_t image_id : unknowns_.image_ids) {
+      ++posterior.num_images[unknowns_.BlockOf(model_.Image(image_id))];
+    }
     const auto size = Eigen::Index(values.size());
     posterior.params = Eigen::Map<const Eigen::VectorXd>(values.data(), size);
     posterior.covariance = Eigen::MatrixXd::Zero(size, size);

@@ -24,6 +24,8 @@ struct IntrinsicsPosterior {
   // First parameter of the intrinsics of each camera, of a group those of its
   // first one, or of each image.
   std::map<uint32_t, Eigen::Index> first_params;
+  // Images of each block that the posterior rests on.
+  std::map<uint32_t, int> num_images;
   // Parameters of one block after the other [px, 1]: those of the model after a
   // Gauss-Newton step.
   Eigen::VectorXd params;

@@ -76,7 +76,8 @@ Eigen::VectorXd PriorStddevs(const IntrinsicsPriorOptions& options,
             ? prior->second.log_stddev * prior->second.focal_px
             : options.unknown_log_focal_stddev * camera.MeanFocalLength());
   }
-  if (options.refine_extra_params) {
+  if (options.refine_extra_params &&
+      beliefs.held_distortions.count(camera_id) == 0) {
     set(camera.ExtraParamsIdxs(), options.extra_params_stddev);
   }
   if (options.refine_principal_point && !camera.HasPriorFocalLength() &&

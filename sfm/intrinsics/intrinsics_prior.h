@@ -59,6 +59,8 @@ struct CameraBeliefs {
   CameraMap given;
   // Cameras whose principal points are held at the given ones.
   std::set<colmap::camera_t> held_principal_points;
+  // Cameras whose distortions are held at the given ones.
+  std::set<colmap::camera_t> held_distortions;
   // Disjoint.
   std::vector<CameraGroup> groups;
   // Cameras with different labels are different: camera and zoom as EXIF data

@@ -16,33 +16,21 @@ namespace dgsfm {
 
 namespace {
 
-// All cameras whose principal points the model leaves open or that must stay.
-std::set<colmap::camera_t> HeldPrincipalPoints(
-    const SelfCalibrationOptions& options,
-    const CameraBeliefs& beliefs,
-    const colmap::Reconstruction& model) {
-  const std::optional<IntrinsicsPosterior> posterior =
-      EstimateIntrinsicsPosterior(
-          options.bundle_adjustment, options.num_threads, beliefs, model);
-  if (!posterior) {
-    std::set<colmap::camera_t> all;
-    for (const auto& [camera_id, camera] : model.Cameras()) {
-      all.insert(camera_id);
+// Sets the principal points and distortions that are held.
+void ResetHeldParams(const CameraBeliefs& beliefs,
+                     colmap::Reconstruction* model) {
+  const auto reset = [&](const std::set<colmap::camera_t>& camera_ids,
+                         const std::vector<size_t>& (colmap::Camera::*idxs)()
+                             const) {
+    for (const colmap::camera_t camera_id : camera_ids) {
+      const colmap::Camera& given = beliefs.given.at(camera_id);
+      for (const size_t idx : (given.*idxs)()) {
+        model->Camera(camera_id).Params(idx) = given.Params(idx);
+      }
     }
-    return all;
-  }
-  return FindHeldPrincipalPoints(
-      options.bundle_adjustment.intrinsics, beliefs, *posterior, model);
-}
-
-void ResetPrincipalPoints(const CameraBeliefs& beliefs,
-                          colmap::Reconstruction* model) {
-  for (const colmap::camera_t camera_id : beliefs.held_principal_points) {
-    const colmap::Camera& given = beliefs.given.at(camera_id);
-    for (const size_t idx : given.PrincipalPointIdxs()) {
-      model->Camera(camera_id).Params(idx) = given.Params(idx);
-    }
-  }
+  };
+  reset(beliefs.held_principal_points, &colmap::Camera::PrincipalPointIdxs);
+  reset(beliefs.held_distortions, &colmap::Camera::ExtraParamsIdxs);
 }
 
 // Drops groups of so few images of a large model that hardly two would be among
@@ -136,12 +124,25 @@ CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,
   }
   colmap::Reconstruction calibrated = *model;
   if (!options.adjust(beliefs, max_num_iterations, &calibrated)) return held;
+  const std::optional<IntrinsicsPosterior> posterior =
+      EstimateIntrinsicsPosterior(
+          options.bundle_adjustment, options.num_threads, beliefs, calibrated);
+  if (!posterior) return held;
+  const IntrinsicsPriorOptions& prior = options.bundle_adjustment.intrinsics;
   CameraBeliefs learned = beliefs;
   learned.held_principal_points =
-      HeldPrincipalPoints(options, beliefs, calibrated);
-  if (learned.held_principal_points == held.held_principal_points) return held;
-  if (!learned.held_principal_points.empty()) {
-    ResetPrincipalPoints(learned, &calibrated);
+      FindHeldPrincipalPoints(prior, beliefs, *posterior, calibrated);
+  if (MayDrift(*model)) {
+    learned.held_distortions =
+        FindHeldDistortions(prior, beliefs, *posterior, calibrated);
+  }
+  if (learned.held_principal_points == held.held_principal_points &&
+      learned.held_distortions.empty()) {
+    return held;
+  }
+  if (!learned.held_principal_points.empty() ||
+      !learned.held_distortions.empty()) {
+    ResetHeldParams(learned, &calibrated);
     if (!options.adjust(learned, max_num_iterations, &calibrated)) return held;
   }
   if (HasRunAway(*model, calibrated)) {

@@ -42,7 +42,8 @@ std::vector<colmap::image_t> FindContradictingImages(
     const colmap::Reconstruction& model);
 
 // Frees the principal points that a model adjusted with held ones determines,
-// see FindHeldPrincipalPoints. The model is left at the adjustment with what is
+// see FindHeldPrincipalPoints, and holds distortions of a model that may drift,
+// see FindHeldDistortions. The model is left at the adjustment with what is
 // returned, or as it was, with all principal points held, where nothing was
 // learned, an adjustment failed, or cameras became implausible.
 CameraBeliefs CalibrateModel(const SelfCalibrationOptions& options,

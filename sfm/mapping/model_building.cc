@@ -179,6 +179,7 @@ void FreePrincipalPoints(const MappingContext& context,
     return;
   }
   progress->beliefs.held_principal_points.clear();
+  progress->beliefs.held_distortions.clear();
   progress->beliefs = CalibrateModel(
       SelfCalibration(context, *progress), progress->beliefs, &progress->model);
 }
@@ -198,7 +199,8 @@ void CalibrateCameras(const MappingContext& context,
   timer.Add("groups", double(beliefs.groups.size()))
       .Add("cameras", double(beliefs.NumTiedCameras()))
       .Add("principal_points_held",
-           double(beliefs.held_principal_points.size()));
+           double(beliefs.held_principal_points.size()))
+      .Add("distortions_held", double(beliefs.held_distortions.size()));
   timer.Finish(&log->stages);
 }
 

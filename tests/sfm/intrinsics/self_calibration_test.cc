@@ -14,7 +14,9 @@ namespace {
 constexpr double kKeypointStddev = 0.5;
 
 // One camera entry for each image, true poses and points, noisy key points.
-SyntheticScene CreateScene(int num_distinct_cameras, double crop_ratio = 0) {
+SyntheticScene CreateScene(int num_distinct_cameras,
+                           double crop_ratio = 0,
+                           std::optional<double> distortion = {}) {
   SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::RING);
   options.num_images = 12;
   options.num_points_per_image = 300;
@@ -23,7 +25,8 @@ SyntheticScene CreateScene(int num_distinct_cameras, double crop_ratio = 0) {
   options.camera.num_cameras = 0;
   options.camera.num_distinct_cameras = num_distinct_cameras;
   options.camera.max_log_focal_offset = 0.3;
-  options.camera.max_distortion_offset = 0.05;
+  options.camera.max_distortion_offset = distortion ? 0 : 0.05;
+  options.camera.radial_distortion = distortion.value_or(0);
   options.camera.crop_ratio = crop_ratio;
   return SynthesizeScene(options);
 }
@@ -44,8 +47,10 @@ SelfCalibrationOptions CalibrationOptions(
 
 class AdjustedScene {
  public:
-  explicit AdjustedScene(int num_distinct_cameras, double crop_ratio = 0)
-      : synthetic_(CreateScene(num_distinct_cameras, crop_ratio)),
+  explicit AdjustedScene(int num_distinct_cameras,
+                         double crop_ratio = 0,
+                         std::optional<double> distortion = {})
+      : synthetic_(CreateScene(num_distinct_cameras, crop_ratio, distortion)),
         model_(ReconstructionFromSynthetic(synthetic_)) {
     beliefs_.given = SceneFromSynthetic(synthetic_).cameras;
     for (const auto& [camera_id, camera] : beliefs_.given) {
@@ -456,6 +461,36 @@ TEST(CalibrateModel, HoldsPrincipalPointsUnlessTheImagesAreCrops) {
       }
     }
   }
+}
+
+TEST(FindHeldDistortions, AreThoseOfUndistortedPhotosOfOneCamera) {
+  for (const double distortion : {0.0, 0.05}) {
+    for (const bool is_tied : {true, false}) {
+      AdjustedScene scene(1, 0, distortion);
+      ASSERT_TRUE(
+          scene.Adjust(is_tied ? scene.Classes() : std::vector<CameraGroup>()));
+      const auto posterior = scene.Posterior();
+      ASSERT_TRUE(posterior);
+      // Cameras of single images stay free.
+      EXPECT_EQ(
+          FindHeldDistortions({}, scene.Beliefs(), *posterior, scene.Model())
+              .size(),
+          is_tied && distortion == 0 ? 12 : 0);
+    }
+  }
+}
+
+TEST(AdjustBundle, LeavesHeldDistortionsAsTheyAre) {
+  const SyntheticScene synthetic = CreateScene(1);
+  CameraBeliefs beliefs;
+  beliefs.given = SceneFromSynthetic(synthetic).cameras;
+  beliefs.held_distortions = {1};
+  colmap::Reconstruction model = ReconstructionFromSynthetic(synthetic);
+  const double held = model.Camera(1).Params(3);
+  const double free = model.Camera(2).Params(3);
+  ASSERT_TRUE(AdjustBundle({}, 1, 1, beliefs, &model));
+  EXPECT_EQ(model.Camera(1).Params(3), held);
+  EXPECT_NE(model.Camera(2).Params(3), free);
 }
 
 TEST(CalibrateModel, FindsThePrincipalPointOfAGroup) {
