@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace dgsfm {
 
@@ -61,15 +62,15 @@ void BundleBodies::PrepareCurvedStep(const ObservationIndex& observations,
     }
   }
   if (held_body < 0) return;
-  observations_ = observations;
-  observations_.num_cameras = int(Count());
-  for (int& camera : observations_.cameras) camera = body_of_image[camera];
+  ObservationIndex by_body = observations;
+  by_body.num_cameras = int(Count());
+  for (int& camera : by_body.cameras) camera = body_of_image[camera];
   const PointRanges ranges(observations);
   for (int point = 0; point < observations.num_points; ++point) {
-    std::sort(observations_.cameras.begin() + ranges.Begin(point),
-              observations_.cameras.begin() + ranges.End(point));
+    std::sort(by_body.cameras.begin() + ranges.Begin(point),
+              by_body.cameras.begin() + ranges.End(point));
   }
-  curved_step_.emplace(observations_, held_body);
+  curved_step_.emplace(std::move(by_body), held_body);
 }
 
 Rigid3d& BundleBodies::PoseOf(size_t body) const {
@@ -89,7 +90,7 @@ void BundleBodies::Move(const std::vector<PoseStep>& steps,
   std::vector<BodyMotion> motions;
   for (size_t body = 0; body < Count(); ++body) {
     Rigid3d& pose = PoseOf(body);
-    motions.push_back(MotionOf(steps[body], pose));
+    if (curved_step_) motions.push_back(MotionOf(steps[body], pose));
     MovePose(steps[body], BodyPivot(*bundle_, pose), &pose);
   }
   std::optional<CurvedPositions> curved;

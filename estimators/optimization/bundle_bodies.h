@@ -31,7 +31,7 @@ Eigen::Vector3d BodyPivot(const Bundle& bundle, const Rigid3d& pose);
 // these hold chains, which do not bend far.
 class BundleBodies {
  public:
-  // observations: by image. Both must outlive this.
+  // The bundle must outlive this.
   BundleBodies(const ObservationIndex& observations, Bundle* bundle);
 
   size_t Count() const { return bundle_->frames.size() + free_images_.size(); }
@@ -63,9 +63,7 @@ class BundleBodies {
   std::vector<int> free_images_;
   // What fixes the scale, if anything does.
   std::optional<Coordinate> scale_gauge_;
-  // By body.
-  ObservationIndex observations_;
-  // Nothing where steps are straight.
+  // Empty where steps are straight.
   std::optional<CurvedStep> curved_step_;
 };
 

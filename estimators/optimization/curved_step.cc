@@ -24,18 +24,18 @@ Eigen::Vector3d Carry(const BodyMotion& motion,
 
 }  // namespace
 
-CurvedStep::CurvedStep(const ObservationIndex& observations, int held_body)
-    : observations_(observations),
+CurvedStep::CurvedStep(ObservationIndex observations, int held_body)
+    : observations_(std::move(observations)),
       held_body_(held_body),
-      ranges_(observations),
-      links_(FindLinks(observations)),
-      laplacian_(observations.num_cameras, [this](const auto& couple) {
+      ranges_(observations_),
+      links_(FindLinks(observations_)),
+      laplacian_(observations_.num_cameras, [this](const auto& couple) {
         for (const Link& link : links_) couple(link.body1, link.body2);
       }) {
   std::vector<GraphEdge> edges;
   for (const Link& link : links_) edges.emplace_back(link.body1, link.body2);
   const std::vector<int> parts =
-      ConnectedComponents(observations.num_cameras, edges);
+      ConnectedComponents(observations_.num_cameras, edges);
   held_bodies_.assign(
       parts.empty() ? 0 : *std::max_element(parts.begin(), parts.end()) + 1,
       -1);

@@ -40,7 +40,7 @@ class CurvedStep {
  public:
   // The cameras of the observations are bodies. The held body, and one of each
   // part of the graph without it, keep to their straight lines.
-  CurvedStep(const ObservationIndex& observations, int held_body);
+  CurvedStep(ObservationIndex observations, int held_body);
 
   int HeldBody() const { return held_body_; }
 
@@ -65,7 +65,7 @@ class CurvedStep {
   std::optional<std::vector<Eigen::Vector3d>> MoveCenters(
       const std::vector<BodyMotion>& motions);
 
-  const ObservationIndex& observations_;
+  const ObservationIndex observations_;
   const int held_body_;
   const PointRanges ranges_;
   const std::vector<Link> links_;

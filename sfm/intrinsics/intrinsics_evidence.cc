@@ -84,6 +84,25 @@ std::optional<ParamsDeviation> DeviationOf(
   return deviation;
 }
 
+// Deviations of all cameras, of groups those of their first, that have any.
+std::map<colmap::camera_t, ParamsDeviation> DeviationsOf(
+    const std::vector<size_t>& (colmap::Camera::*idxs)() const,
+    const CameraBeliefs& beliefs,
+    const IntrinsicsPosterior& posterior,
+    const colmap::Reconstruction& model) {
+  std::map<colmap::camera_t, ParamsDeviation> deviations;
+  for (const auto& [camera_id, first_param] : posterior.first_params) {
+    const colmap::Camera& given = beliefs.given.at(camera_id);
+    const auto deviation = DeviationOf((given.*idxs)(),
+                                       model.Camera(camera_id),
+                                       given,
+                                       first_param,
+                                       posterior);
+    if (deviation) deviations.emplace(camera_id, *deviation);
+  }
+  return deviations;
+}
+
 // Standard deviation in the least certain direction.
 double MaxStddev(const Eigen::MatrixXd& covariance) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
@@ -187,16 +206,8 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model) {
   const auto images_of = ImagesOfGroups(beliefs, model);
-  std::map<colmap::camera_t, ParamsDeviation> deviations;
-  for (const auto& [camera_id, first_param] : posterior.first_params) {
-    const colmap::Camera& given = beliefs.given.at(camera_id);
-    const auto deviation = DeviationOf(given.PrincipalPointIdxs(),
-                                       model.Camera(camera_id),
-                                       given,
-                                       first_param,
-                                       posterior);
-    if (deviation) deviations.emplace(camera_id, *deviation);
-  }
+  const auto deviations = DeviationsOf(
+      &colmap::Camera::PrincipalPointIdxs, beliefs, posterior, model);
   // The distribution of chi-square with two degrees of freedom is exponential.
   const double max_chi_square =
       -2 * std::log(kCropSignificance / double(deviations.size()));
@@ -228,23 +239,18 @@ std::set<colmap::camera_t> FindHeldDistortions(
     const colmap::Reconstruction& model) {
   const auto images_of = ImagesOfGroups(beliefs, model);
   std::set<colmap::camera_t> held_firsts;
-  for (const auto& [camera_id, first_param] : posterior.first_params) {
+  for (auto& [camera_id, deviation] : DeviationsOf(
+           &colmap::Camera::ExtraParamsIdxs, beliefs, posterior, model)) {
     const size_t num_images = images_of.at(camera_id).size();
     if (num_images < 2) continue;
-    const colmap::Camera& given = beliefs.given.at(camera_id);
-    auto deviation = DeviationOf(given.ExtraParamsIdxs(),
-                                 model.Camera(camera_id),
-                                 given,
-                                 first_param,
-                                 posterior);
-    if (!deviation) continue;
-    // The other images know as much each as those that were looked at.
-    deviation->keypoint_covariance *=
+    // Each of the other images has as much information as those that were
+    // looked at.
+    deviation.keypoint_covariance *=
         posterior.num_images.at(camera_id) / double(num_images);
     const double log_odds =
-        LogOddsOfPrior(*deviation, prior.extra_params_stddev);
+        LogOddsOfPrior(deviation, prior.extra_params_stddev);
     VLOG(1) << "Distortion of camera " << camera_id << ": "
-            << deviation->offset.transpose() << ", log odds " << log_odds;
+            << deviation.offset.transpose() << ", log odds " << log_odds;
     if (log_odds < 0) held_firsts.insert(camera_id);
   }
   return CamerasOf(beliefs, model, [&](colmap::camera_t first_id) {

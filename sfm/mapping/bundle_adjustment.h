@@ -87,7 +87,7 @@ LossScales AdaptedLossScales(const BundleAdjustmentOptions& options,
 
 // Whether a model has so many images that it may bend over its length by an
 // angle that hardly shows in its errors. Adjustments then take curved steps
-// that are hardly damped.
+// that are hardly damped, and self-calibration judges distortions.
 bool MayDrift(const colmap::Reconstruction& model);
 
 // Minimises the robust reprojection errors of all observations and the squared

@@ -433,9 +433,9 @@ TEST(SolveBundle, CurvedStepsFindTheSameMinimum) {
     // What fixes the gauge stays.
     EXPECT_EQ(curved.images[0].cam_from_world.translation,
               straight.images[0].cam_from_world.translation);
+    if (has_rig) continue;
     EXPECT_EQ(curved.images.back().cam_from_world.translation.z(),
-              has_rig ? curved.images.back().cam_from_world.translation.z()
-                      : straight.images.back().cam_from_world.translation.z());
+              straight.images.back().cam_from_world.translation.z());
   }
 }
 

@@ -77,7 +77,7 @@ TEST(CurvedStep, RigidMotionStaysRigid) {
   const auto moved = Move(chain, held_body);
   ASSERT_TRUE(moved);
   const Eigen::Quaterniond turn = RotationFromVector(rotation);
-  // Rounding.
+  // The tolerance is that of rounding.
   for (size_t i = 0; i < chain.motions.size(); ++i) {
     EXPECT_LT(
         (moved->centers[i] - (held + turn * (chain.motions[i].center - held)))
@@ -101,7 +101,7 @@ TEST(CurvedStep, ChainBendsWithoutStretching) {
     // rotation vectors of two neighbours differ by 0.0025.
     EXPECT_NEAR((moved->centers[i] - moved->centers[i - 1]).norm(), 1, 1e-5);
   }
-  // An arc of this angle.
+  // The chain becomes an arc of this angle.
   const double radius = 200 / max_angle;
   const double end_angle = max_angle * 199 / 200;
   EXPECT_LT((moved->centers.back() -
@@ -133,7 +133,7 @@ TEST(CurvedStep, AgreesWithTheStraightStepToFirstOrder) {
     }
     errors.push_back(error);
   }
-  // Of second order.
+  // The difference is of second order.
   EXPECT_NEAR(errors[1] / errors[0], 0.01, 0.001);
 }
 

@@ -415,7 +415,8 @@ TEST(TieCameraClasses, LeavesGroupsThatAreNotJudgedUntied) {
     CameraBeliefs beliefs;
     colmap::Reconstruction model = ManyCameras(num_images, &beliefs);
     TieCameraClasses({}, &beliefs, &model);
-    // Of 1,000 images 200 are looked at, of the two of one size hardly both.
+    // The posterior rests on 200 images, among 1,000 hardly on both that have
+    // the first size.
     EXPECT_EQ(beliefs.groups.size(), num_images == 100 ? 2 : 1);
     EXPECT_EQ(beliefs.GroupOf(1) != nullptr, num_images == 100);
     EXPECT_NE(beliefs.GroupOf(3), nullptr);
