@@ -26,7 +26,8 @@ struct PointMinimizerOptions {
   // Label of the progress that is shown; empty = none is shown.
   std::string label;
   int max_num_iterations = 100;
-  // Relative decrease of the cost by one step at which it has converged [1].
+  // Relative decrease of the cost by one step at which it has converged [1], or
+  // a tenth of that by the cameras: what is left then are single points.
   double function_tolerance = 1e-6;
   // Whether points that lag behind the cameras are refined by themselves
   // between steps: not where cameras have far to go, whom this would hold back.
@@ -150,8 +151,9 @@ class PointMinimizer {
       const double last_cost = cost;
       cost = new_cost - LinearizeAndRefinePoints(new_cost);
       summary.final_cost = cost;
-      summary.converged =
-          last_cost - cost <= options_.function_tolerance * last_cost;
+      const double max_decrease = options_.function_tolerance * last_cost;
+      summary.converged = last_cost - cost <= max_decrease ||
+                          column_decrease_ <= kColumnShare * max_decrease;
       if (summary.converged) break;
       progress.Step((last_cost - cost) / last_cost);
     }
@@ -168,6 +170,9 @@ class PointMinimizer {
   // promise to be refined by itself.
   static constexpr double kPointShare = 0.01;
   static constexpr int kMaxNumPointIterations = 10;
+  // Share of the decrease at which all has converged that the columns must
+  // promise to go on. Points that robust losses hold back creep for long.
+  static constexpr double kColumnShare = 0.1;
   // Operations of a factor that take as long as one iteration of conjugate
   // gradients for one observation.
   static constexpr double kNumOperationsPerObservation = 300;
@@ -303,7 +308,12 @@ class PointMinimizer {
         damping_ *
         PointProblem<kResidual, kCamera>::Elimination::Damped(diagonal_.array())
             .matrix();
-    if (!(system_ ? SolveDirectly(damped) : SolveIteratively(damped))) return 0;
+    Eigen::VectorXd rhs;
+    if (!(system_ ? SolveDirectly(damped, &rhs)
+                  : SolveIteratively(damped, &rhs))) {
+      return 0;
+    }
+    column_decrease_ = ColumnDecrease(damped, rhs);
     elimination_.Substitute(column_steps_, &point_steps_);
     const double decrease =
         0.5 *
@@ -313,11 +323,23 @@ class PointMinimizer {
     return decrease;
   }
 
-  // Both set the steps of the columns, whose diagonal grows by `damped`.
-  bool SolveDirectly(const Eigen::VectorXd& damped) {
+  // The decrease that the reduced system promises along the steps of the
+  // columns, however far they are held back by damping.
+  double ColumnDecrease(const Eigen::VectorXd& damped,
+                        const Eigen::VectorXd& rhs) const {
+    const double slope = rhs.dot(column_steps_);
+    const double curvature =
+        slope - column_steps_.dot(damped.cwiseProduct(column_steps_));
+    return curvature > 0 ? 0.5 * slope * slope / curvature
+                         : std::numeric_limits<double>::infinity();
+  }
+
+  // Both set the right side and the steps of the columns, whose diagonal grows
+  // by `damped`.
+  bool SolveDirectly(const Eigen::VectorXd& damped, Eigen::VectorXd* rhs) {
     system_->SetZero();
-    Eigen::VectorXd rhs = -terms_gradient_;
-    elimination_.Eliminate(damping_, &*system_, &rhs);
+    *rhs = -terms_gradient_;
+    elimination_.Eliminate(damping_, &*system_, rhs);
     double* values = system_->Values();
     for (const auto& term : terms_) {
       values[system_->EntryOf(term.row(), term.col())] += term.value();
@@ -325,22 +347,22 @@ class PointMinimizer {
     for (int i = 0; i < problem_->num_columns; ++i) {
       values[system_->EntryOf(i, i)] += damped(i);
     }
-    return system_->Solve(rhs, &column_steps_);
+    return system_->Solve(*rhs, &column_steps_);
   }
 
   // Scenes in which most images share points take few iterations, long chains
   // of images many: these are factorised from the first step that takes too
   // long.
-  bool SolveIteratively(const Eigen::VectorXd& damped) {
-    Eigen::VectorXd rhs = -terms_gradient_;
-    implicit_->Form(damping_, &rhs);
+  bool SolveIteratively(const Eigen::VectorXd& damped, Eigen::VectorXd* rhs) {
+    *rhs = -terms_gradient_;
+    implicit_->Form(damping_, rhs);
     if (implicit_->Solve(
-            MaxNumIterations(), damped, terms_, rhs, &column_steps_) ||
+            MaxNumIterations(), damped, terms_, *rhs, &column_steps_) ||
         !IsFactorSmall()) {
       return column_steps_.allFinite();
     }
     ReduceDirectly();
-    return SolveDirectly(damped);
+    return SolveDirectly(damped, rhs);
   }
 
   void Reject() {
@@ -362,6 +384,7 @@ class PointMinimizer {
   Eigen::VectorXd diagonal_;
   Eigen::VectorXd gradient_;
   Eigen::VectorXd column_steps_;
+  double column_decrease_ = 0;
   std::vector<Eigen::Vector3d> point_steps_;
 };
 

@@ -180,9 +180,9 @@ class PosteriorProblem {
   struct Shifts {
     // Sum of the squared shifts by the residuals of each point.
     Eigen::VectorXd sandwich;
-    // By a unit coefficient of each smooth error of each image, the monomials
-    // of the horizontal errors first.
-    std::vector<Eigen::Matrix<double, Eigen::Dynamic, 2 * kNumMonomials>>
+    // By a unit coefficient of each smooth error of each image, in rows: the
+    // monomials of the horizontal errors first.
+    std::vector<Eigen::Matrix<double, 2 * kNumMonomials, Eigen::Dynamic>>
         by_image;
   };
 
@@ -254,18 +254,16 @@ class PosteriorProblem {
       shift.setZero();
       for (size_t k = 0; k < rows.size(); ++k) {
         const auto& observation = observed_.observations[size_t(first) + k];
-        const colmap::Image& image = observed_.ImageOf(observation.image);
         const Eigen::Matrix<double, kNumMonomials, 1> monomials =
             std::sqrt(observation.weight) *
-            Monomials(observed_.CameraOf(observation.image),
-                      image.Point2D(observation.point2D_idx).XY());
+            Monomials(observed_.CameraOf(observation.image), observation.xy_px);
         for (int axis = 0; axis < 2; ++axis) {
           const auto influence = influences[k].col(axis);
           shift += influence * rows[k].residual(axis);
-          for (int i = 0; i < kNumMonomials; ++i) {
-            shifts->by_image[size_t(observation.image)]
-                .col(axis * kNumMonomials + i)
-                .segment(begin, size) += influence * monomials(i);
+          auto& by_image = shifts->by_image[size_t(observation.image)];
+          for (Eigen::Index i = 0; i < size; ++i) {
+            by_image.col(begin + i).segment<kNumMonomials>(
+                axis * kNumMonomials) += influence(i) * monomials;
           }
         }
       }
@@ -280,7 +278,7 @@ class PosteriorProblem {
     Shifts shifts;
     shifts.sandwich = Eigen::VectorXd::Zero(count);
     shifts.by_image.resize(unknowns_.image_ids.size());
-    for (auto& shift : shifts.by_image) shift.setZero(count, 2 * kNumMonomials);
+    for (auto& shift : shifts.by_image) shift.setZero(2 * kNumMonomials, count);
     const Eigen::MatrixXd transposed = inverse.transpose();
     const auto num_ranges = std::min<Eigen::Index>(num_threads_, count);
     ParallelFor(size_t(num_ranges), num_threads_, [&](size_t i) {
@@ -312,14 +310,14 @@ class PosteriorProblem {
       const Eigen::MatrixXd scaled = kSmoothErrorRatio *
                                      LargerSide(observed_.CameraOf(int(i))) *
                                      shifts.by_image[i];
-      covariance.noalias() += scaled * scaled.transpose();
-      Eigen::MatrixXd& common =
-          common_shifts[unknowns_.BlockOf(observed_.ImageOf(int(i)))];
+      covariance.noalias() += scaled.transpose() * scaled;
+      Eigen::MatrixXd& common = common_shifts[unknowns_.BlockOf(
+          model_.Image(unknowns_.image_ids[i]))];
       if (common.size() == 0) common.setZero(scaled.rows(), scaled.cols());
       common += scaled;
     }
     for (const auto& [block_id, shift] : common_shifts) {
-      covariance.noalias() += shift * shift.transpose();
+      covariance.noalias() += shift.transpose() * shift;
     }
     return {of_keypoints, covariance};
   }

@@ -11,20 +11,29 @@ namespace dgsfm {
 PosteriorObservations::PosteriorObservations(
     double loss_scale_px,
     const std::vector<colmap::image_t>& image_ids,
-    const colmap::Reconstruction& model)
-    : image_ids_(image_ids), model_(model) {
-  index.num_cameras = int(image_ids_.size());
-  for (const colmap::point3D_t point_id : SortedPoints(model_)) {
+    const colmap::Reconstruction& model) {
+  for (const colmap::image_t image_id : image_ids) {
+    const colmap::Image& image = model.Image(image_id);
+    const colmap::Camera& camera = model.Camera(image.CameraId());
+    const Rigid3d cam_from_world = CamFromWorld(image);
+    views_.push_back({&camera,
+                      ProjectionOfModel(camera.ModelId()),
+                      cam_from_world.rotation.toRotationMatrix(),
+                      cam_from_world.translation});
+  }
+  index.num_cameras = int(image_ids.size());
+  for (const colmap::point3D_t point_id : SortedPoints(model)) {
+    const colmap::Point3D& point = model.Point3D(point_id);
     std::vector<Observation> of_point;
-    for (const colmap::TrackElement& element :
-         model_.Point3D(point_id).Track().Elements()) {
+    for (const colmap::TrackElement& element : point.Track().Elements()) {
       const auto image = std::lower_bound(
-          image_ids_.begin(), image_ids_.end(), element.image_id);
+          image_ids.begin(), image_ids.end(), element.image_id);
+      if (image == image_ids.end() || *image != element.image_id) continue;
       Observation observation;
-      observation.image = int(image - image_ids_.begin());
-      observation.point2D_idx = element.point2D_idx;
-      if (image != image_ids_.end() && *image == element.image_id &&
-          Weigh(loss_scale_px, &observation)) {
+      observation.image = int(image - image_ids.begin());
+      observation.xy_px =
+          model.Image(element.image_id).Point2D(element.point2D_idx).XY();
+      if (Weigh(loss_scale_px, point.XYZ(), &observation)) {
         of_point.push_back(observation);
       }
     }
@@ -38,40 +47,36 @@ PosteriorObservations::PosteriorObservations(
       index.points.push_back(index.num_points);
       observations.push_back(observation);
     }
+    points_.push_back(point.XYZ());
     ++index.num_points;
   }
 }
 
-// The point of the observation in the frame of its camera before the
-// translation, and where it is seen, with derivatives.
 bool PosteriorObservations::Project(const Observation& observation,
+                                    const Eigen::Vector3d& xyz,
                                     Eigen::Vector3d* rotated,
                                     Eigen::Vector2d* residual_px,
                                     ProjectionJacobian* by) const {
-  const colmap::Image& image = ImageOf(observation.image);
-  const colmap::Camera& camera = model_.Camera(image.CameraId());
-  const colmap::Point2D& point2D = image.Point2D(observation.point2D_idx);
-  const Rigid3d cam_from_world = CamFromWorld(image);
-  *rotated =
-      cam_from_world.rotation * model_.Point3D(point2D.Point3DId()).XYZ();
-  if (!ProjectionOfModel(camera.ModelId())(
-          camera.ParamsData(),
-          *rotated + cam_from_world.translation,
-          residual_px,
-          by)) {
+  const View& view = views_[size_t(observation.image)];
+  *rotated = view.rotation * xyz;
+  if (!view.project(view.camera->ParamsData(),
+                    *rotated + view.translation,
+                    residual_px,
+                    by)) {
     return false;
   }
-  *residual_px -= point2D.XY();
+  *residual_px -= observation.xy_px;
   return true;
 }
 
-// False if the camera model cannot project the point.
 bool PosteriorObservations::Weigh(double loss_scale_px,
+                                  const Eigen::Vector3d& xyz,
                                   Observation* observation) const {
   Eigen::Vector3d rotated;
   Eigen::Vector2d residual_px;
-  ProjectionJacobian by;
-  if (!Project(*observation, &rotated, &residual_px, &by)) return false;
+  if (!Project(*observation, xyz, &rotated, &residual_px, nullptr)) {
+    return false;
+  }
   observation->weight = 1 / std::sqrt(1 + residual_px.squaredNorm() /
                                               (loss_scale_px * loss_scale_px));
   observation->squared_norm =
@@ -81,20 +86,24 @@ bool PosteriorObservations::Weigh(double loss_scale_px,
 
 void PosteriorObservations::Linearize(int k, Elimination::Row* row) const {
   const Observation& observation = observations[size_t(k)];
+  const View& view = views_[size_t(observation.image)];
   Eigen::Vector3d rotated;
   ProjectionJacobian by;
-  Project(observation, &rotated, &row->residual, &by);
+  Project(observation,
+          points_[size_t(index.points[size_t(k)])],
+          &rotated,
+          &row->residual,
+          &by);
   const double root = std::sqrt(observation.weight);
   row->residual *= root;
   row->by_camera.setZero();
-  const Rigid3d cam_from_world = CamFromWorld(ImageOf(observation.image));
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector3d by_point = root * by.point.row(i);
     row->by_camera.block<3, 1>(0, i) = rotated.cross(by_point);
     row->by_camera.block<3, 1>(3, i) = by_point;
-    row->by_point.col(i) = cam_from_world.rotation.conjugate() * by_point;
+    row->by_point.col(i) = view.rotation.transpose() * by_point;
   }
-  const auto num_params = Eigen::Index(CameraOf(observation.image).NumParams());
+  const auto num_params = Eigen::Index(view.camera->NumParams());
   row->by_camera.middleRows(kNumPoseParams, num_params) =
       root * by.params.leftCols(num_params).transpose();
 }

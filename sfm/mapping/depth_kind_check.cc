@@ -11,7 +11,7 @@ namespace dgsfm {
 namespace {
 
 // Images of a model that show what its maps are.
-constexpr size_t kMaxNumJudgedImages = 200;
+constexpr size_t kMaxNumJudgedImages = 50;
 
 std::vector<MeasuredDepth> DepthsOfModel(const colmap::Reconstruction& model,
                                          const colmap::Image& image) {

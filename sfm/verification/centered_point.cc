@@ -1,5 +1,7 @@
 #include "sfm/verification/centered_point.h"
 
+#include "estimators/optimization/camera_projection.h"
+
 namespace dgsfm {
 
 namespace {
@@ -14,20 +16,18 @@ std::optional<CenteredPoint> UndistortPoint(const colmap::Camera& camera,
                                             const Eigen::Vector2d& xy_px) {
   const double focal_length_px = camera.MeanFocalLength();
   const Eigen::Vector2d ray = camera.ImageToWorld(xy_px);
+  Eigen::Vector2d projected_px;
+  ProjectionJacobian by;
   // Written so that NaN fails.
   if (!(ray.norm() <= kMaxRayTangent) ||
-      !((camera.WorldToImage(ray) - xy_px).norm() <= kMaxUndistortionErrorPx)) {
+      !ProjectionOfModel(camera.ModelId())(
+          camera.ParamsData(), ray.homogeneous(), &projected_px, &by) ||
+      !((projected_px - xy_px).norm() <= kMaxUndistortionErrorPx)) {
     return std::nullopt;
   }
   CenteredPoint centered;
   centered.point = focal_length_px * ray;
-  constexpr double kStep = 1e-6;
-  for (int k = 0; k < 2; ++k) {
-    const Eigen::Vector2d step = kStep * Eigen::Vector2d::Unit(k);
-    centered.pixel_jacobian.col(k) =
-        (camera.WorldToImage(ray + step) - camera.WorldToImage(ray - step)) /
-        (2 * kStep * focal_length_px);
-  }
+  centered.pixel_jacobian = by.point.leftCols<2>() / focal_length_px;
   return centered;
 }
 

@@ -186,7 +186,8 @@ TEST(BundleSolver, WrongPointsDoNotHoldUpTheCameras) {
   }
   const PointMinimizerSummary summary = SolveBundle({}, kLoss, &bundle);
   EXPECT_TRUE(summary.converged);
-  EXPECT_LT(summary.num_iterations, 50);
+  // 20 until the points have converged, too.
+  EXPECT_LT(summary.num_iterations, 17);
 }
 
 // 120 cameras along a street, each point seen by six neighbours.
