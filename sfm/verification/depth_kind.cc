@@ -19,8 +19,8 @@ constexpr int kNumCells = 48;
 // show the same.
 constexpr size_t kMaxNumImagesByPairs = 20;
 constexpr size_t kMaxNumPairsOfImage = 5;
-// Places of an image that are compared: the standard error of the concordance
-// of 200 is 0.05, far below what decides.
+// Places of an image that are compared, of those that have a value: the
+// standard error of the concordance of 200 is 0.05, far below what decides.
 constexpr size_t kMaxNumJudgedPlaces = 200;
 // How much better the other kind or arrangement has to be.
 constexpr double kMinAdvantage = 0.3;
@@ -77,10 +77,12 @@ class NearestValues {
   NearestValues(const colmap::Image& image,
                 const colmap::Camera& camera,
                 const KeypointDepths& depths)
-      : size_(double(camera.Width()), double(camera.Height())) {
+      : size_(double(camera.Width()), double(camera.Height())),
+        num_keypoints_(image.NumPoints2D()) {
     for (colmap::point2D_t i = 0; i < image.NumPoints2D(); ++i) {
       const double value = depths.depths[i];
       if (value == 0) continue;
+      ++num_known_;
       const Eigen::Vector2d place = image.Point2D(i).XY().cwiseQuotient(size_);
       cells_[CellOf(place.x()) + kNumCells * CellOf(place.y())].push_back(
           {place, value});
@@ -89,6 +91,11 @@ class NearestValues {
 
   Eigen::Vector2d PlaceOf(const Eigen::Vector2d& xy_px) const {
     return xy_px.cwiseQuotient(size_);
+  }
+
+  // Share of the key points that have a value [1].
+  double KnownShare() const {
+    return num_known_ == 0 ? 0 : double(num_known_) / double(num_keypoints_);
   }
 
   // 0 if there is none near.
@@ -121,6 +128,8 @@ class NearestValues {
   }
 
   const Eigen::Vector2d size_;
+  const size_t num_keypoints_;
+  size_t num_known_ = 0;
   std::array<std::vector<Entry>, kNumCells * kNumCells> cells_;
 };
 
@@ -143,7 +152,8 @@ std::vector<double> ConcordancesByArrangement(
   const NearestValues values(image, camera, depths);
   size_t num_places = 0;
   for (const MeasuredDepths& of_unit : measured) num_places += of_unit.size();
-  const size_t step = num_places / kMaxNumJudgedPlaces + 1;
+  const auto step = 1 + size_t(values.KnownShare() * double(num_places) /
+                               kMaxNumJudgedPlaces);
   std::vector<double> concordances;
   for (int k = 0; k < kNumArrangements; ++k) {
     double sum = 0;

@@ -92,6 +92,26 @@ TEST_F(WrongDepthKind, OneValueEverywhereIsNoDepth) {
   EXPECT_FALSE(HasOneValue(depths));
 }
 
+// As of a laser scanner: one of 300 key points has a depth.
+TEST(ConcordancesByArrangement, SparseMapsAreJudged) {
+  colmap::Camera camera;
+  camera.InitializeWithName("SIMPLE_PINHOLE", 900, 1000, 800);
+  std::vector<Eigen::Vector2d> xys_px;
+  KeypointDepths depths;
+  MeasuredDepths measured;
+  for (int i = 0; i < 20000; ++i) {
+    const Eigen::Vector2d& xy_px =
+        xys_px.emplace_back(7.3 * (i % 137), 5.4 * (i / 137));
+    measured.push_back({colmap::point2D_t(i), 1 + xy_px.y()});
+    depths.depths.push_back(i % 301 == 0 ? float(1 + xy_px.y()) : 0.f);
+  }
+  colmap::Image image;
+  image.SetPoints2D(xys_px);
+  const std::vector<double> concordances =
+      ConcordancesByArrangement(image, camera, depths, {measured});
+  EXPECT_GT(concordances[0], 0.9);
+}
+
 TEST_F(WrongDepthKind, TwoImagesShowNothing) {
   MoveDepths([](const Eigen::Vector2d& place) {
     return Eigen::Vector2d(1 - place.x(), place.y());
