@@ -124,11 +124,13 @@ double LogOddsOfPrior(const ParamsDeviation& deviation, double prior_stddev) {
          log_likelihood(deviation.keypoint_covariance);
 }
 
-// Registered images by the first camera of each group.
-std::map<colmap::camera_t, std::vector<colmap::image_t>> ImagesOfGroups(
-    const CameraBeliefs& beliefs, const colmap::Reconstruction& model) {
+// Images by the first camera of each group.
+std::map<colmap::camera_t, std::vector<colmap::image_t>> ByGroup(
+    const std::vector<colmap::image_t>& image_ids,
+    const CameraBeliefs& beliefs,
+    const colmap::Reconstruction& model) {
   std::map<colmap::camera_t, std::vector<colmap::image_t>> images;
-  for (const colmap::image_t image_id : model.RegImageIds()) {
+  for (const colmap::image_t image_id : image_ids) {
     images[beliefs.FirstOfGroup(model.Image(image_id).CameraId())].push_back(
         image_id);
   }
@@ -153,16 +155,14 @@ std::vector<colmap::image_t> FindDeviatingImages(
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& by_image,
     const colmap::Reconstruction& model) {
-  // Images that share a focal length, where it is refined.
-  std::map<colmap::camera_t, std::vector<colmap::image_t>> shared;
+  // Where the focal length is refined.
+  std::vector<colmap::image_t> judged;
   for (const auto& [image_id, param] : by_image.first_params) {
-    if (by_image.covariance(param, param) == 0) continue;
-    shared[beliefs.FirstOfGroup(model.Image(image_id).CameraId())].push_back(
-        image_id);
+    if (by_image.covariance(param, param) != 0) judged.push_back(image_id);
   }
-  const auto images_of = ImagesOfGroups(beliefs, model);
+  const auto images_of = ByGroup(model.RegImageIds(), beliefs, model);
   std::vector<colmap::image_t> deviating;
-  for (const auto& [camera_id, image_ids] : shared) {
+  for (const auto& [camera_id, image_ids] : ByGroup(judged, beliefs, model)) {
     if (image_ids.size() < 2) continue;
     const double focal_px = model.Camera(camera_id).MeanFocalLength();
     const auto count = Eigen::Index(image_ids.size());
@@ -205,7 +205,7 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model) {
-  const auto images_of = ImagesOfGroups(beliefs, model);
+  const auto images_of = ByGroup(model.RegImageIds(), beliefs, model);
   const auto deviations = DeviationsOf(
       &colmap::Camera::PrincipalPointIdxs, beliefs, posterior, model);
   // The distribution of chi-square with two degrees of freedom is exponential.
@@ -237,7 +237,7 @@ std::set<colmap::camera_t> FindHeldDistortions(
     const CameraBeliefs& beliefs,
     const IntrinsicsPosterior& posterior,
     const colmap::Reconstruction& model) {
-  const auto images_of = ImagesOfGroups(beliefs, model);
+  const auto images_of = ByGroup(model.RegImageIds(), beliefs, model);
   std::set<colmap::camera_t> held_firsts;
   for (auto& [camera_id, deviation] : DeviationsOf(
            &colmap::Camera::ExtraParamsIdxs, beliefs, posterior, model)) {
