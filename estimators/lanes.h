@@ -16,9 +16,12 @@
 // Lanes are passed between inlined functions only.
 #pragma GCC diagnostic ignored "-Wpsabi"
 
-// Sanitizers and Clang do not support functions that the loader picks.
+// Sanitizers and Clang do not support functions that the loader picks. Flags
+// like -march=native (here: AVX2) already choose a processor; GCC 12 crashes on
+// clones for a lesser one.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    !defined(__AVX2__) && !defined(__SANITIZE_ADDRESS__) &&            \
+    !defined(__SANITIZE_THREAD__)
 #define DGSFM_TARGET_CLONES \
   __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
