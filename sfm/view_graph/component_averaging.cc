@@ -1,6 +1,7 @@
 #include "sfm/view_graph/component_averaging.h"
 
 #include "estimators/averaging/graph.h"
+#include "estimators/averaging/group_turns.h"
 #include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "sfm/view_graph/missing_matches.h"
@@ -9,6 +10,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <string>
 #include <utility>
 
 #include <glog/logging.h>
@@ -17,19 +20,13 @@ namespace dgsfm {
 
 namespace {
 
-// Strong pairs among the outliers are kept by this factor of their weight in
-// the averages that are tried instead.
-constexpr double kKeptWeightFactor = 100;
+// Fewer strong pairs among the outliers are accidents.
 constexpr double kStrongProbability = 0.9;
-// Fewer strong outliers are accidents.
 constexpr int kMinNumStrongOutliers = 3;
-constexpr int kMaxNumAlternatives = 3;
 // Missing matches below this are within what true pairs show [nat].
 constexpr double kMaxMissingMatches = 12;
-// Above, they divide the weight of their pair by e each time they grow by this.
-constexpr double kMissingMatchesPerFold = 4;
-// Cost of an alternative over that of the first average, at most: where depth
-// maps belong to other images, averages that take out true pairs come to 0.61.
+// Cost of other rotations over that of the average, at most: where depth maps
+// belong to other images, those that take out true pairs come to 0.61.
 constexpr double kMaxCostRatio = 0.6;
 // Inliers of look-alikes have one cause, which pairs share: their evidence
 // counts less than that of missing matches.
@@ -41,88 +38,126 @@ struct RotationAverage {
   std::vector<char> is_outlier;
 };
 
+double MaxRotationErrorRad(const ComponentAveragingOptions& options) {
+  return options.max_rotation_error_deg * M_PI / 180;
+}
+
+// The rotation of a pair between its nodes.
+RelativeRotation RelativeRotationOf(const RotationNodes& nodes,
+                                    const IndexedPair& indexed) {
+  const auto& [image1, image2, pair] = indexed;
+  RelativeRotation relative;
+  relative.node1 = nodes.node_of_image[image1];
+  relative.node2 = nodes.node_of_image[image2];
+  relative.cam2_from_cam1 = nodes.cam_from_node[image2].conjugate() *
+                            pair->cam2_from_cam1.rotation *
+                            nodes.cam_from_node[image1];
+  relative.weight = PairEvidence(*pair);
+  return relative;
+}
+
 // The rotations of the pairs between different nodes.
 std::vector<RelativeRotation> RelativeRotationsOf(
-    const RotationNodes& nodes,
-    const std::vector<IndexedPair>& valid_pairs,
-    const std::vector<double>& weight_factors) {
+    const RotationNodes& nodes, const std::vector<IndexedPair>& valid_pairs) {
   std::vector<RelativeRotation> relative_rotations;
-  for (size_t i = 0; i < valid_pairs.size(); ++i) {
-    const auto& [image1, image2, pair] = valid_pairs[i];
-    RelativeRotation relative;
-    relative.node1 = nodes.node_of_image[image1];
-    relative.node2 = nodes.node_of_image[image2];
+  for (const IndexedPair& indexed : valid_pairs) {
+    const RelativeRotation relative = RelativeRotationOf(nodes, indexed);
     if (relative.node1 == relative.node2) continue;
-    relative.cam2_from_cam1 = nodes.cam_from_node[image2].conjugate() *
-                              pair->cam2_from_cam1.rotation *
-                              nodes.cam_from_node[image1];
-    relative.weight = PairEvidence(*pair) * weight_factors[i];
     relative_rotations.push_back(relative);
   }
   return relative_rotations;
 }
 
-std::optional<RotationAverage> AverageRotationsKeeping(
+RotationAverage AverageOf(const ComponentAveragingOptions& options,
+                          const std::vector<IndexedPair>& valid_pairs,
+                          std::vector<Eigen::Quaterniond> cam_from_world) {
+  RotationAverage average;
+  for (const auto& [image1, image2, pair] : valid_pairs) {
+    const Eigen::Quaterniond predicted =
+        cam_from_world[image2] * cam_from_world[image1].conjugate();
+    average.is_outlier.push_back(
+        predicted.angularDistance(pair->cam2_from_cam1.rotation) >
+        MaxRotationErrorRad(options));
+  }
+  average.cam_from_world = std::move(cam_from_world);
+  return average;
+}
+
+std::optional<RotationAverage> AverageRotationsFrom(
     const ComponentAveragingOptions& options,
     const RotationNodes& nodes,
     const std::vector<IndexedPair>& valid_pairs,
-    const std::vector<double>& weight_factors,
     const std::vector<Eigen::Quaterniond>& start) {
   std::vector<Eigen::Quaterniond> node_from_world = nodes.NodeFromWorld(start);
   if (nodes.num_nodes == 1) {
     node_from_world.assign(1, Eigen::Quaterniond::Identity());
-  } else if (!AverageRotations(
-                 nodes.num_nodes,
-                 RelativeRotationsOf(nodes, valid_pairs, weight_factors),
-                 /*fixed_node=*/0,
-                 options.rotation_averaging,
-                 &node_from_world)) {
+  } else if (!AverageRotations(nodes.num_nodes,
+                               RelativeRotationsOf(nodes, valid_pairs),
+                               /*fixed_node=*/0,
+                               options.rotation_averaging,
+                               &node_from_world)) {
     return std::nullopt;
   }
-  RotationAverage average;
-  average.cam_from_world = nodes.CamFromWorld(node_from_world);
-  for (const auto& [image1, image2, pair] : valid_pairs) {
-    const Eigen::Quaterniond predicted =
-        average.cam_from_world[image2] *
-        average.cam_from_world[image1].conjugate();
-    average.is_outlier.push_back(
-        predicted.angularDistance(pair->cam2_from_cam1.rotation) * 180 / M_PI >
-        options.max_rotation_error_deg);
-  }
-  return average;
+  return AverageOf(options, valid_pairs, nodes.CamFromWorld(node_from_world));
 }
 
-// Evidence against an average: outliers that had evidence, and matches that
-// the other pairs miss [nat].
-double CostOf(const RotationAverage& average,
-              const std::vector<IndexedPair>& valid_pairs,
-              const std::vector<double>& missing_matches) {
-  double cost = 0;
-  for (size_t i = 0; i < valid_pairs.size(); ++i) {
-    cost += average.is_outlier[i]
-                ? kOutlierCostFactor * PairEvidence(*valid_pairs[i].pair)
-                : missing_matches[i];
-  }
-  return cost;
-}
-
-// Raises the weight of strong pairs among the outliers; their number.
-int KeepStrongOutliers(const RotationAverage& average,
-                       const std::vector<IndexedPair>& valid_pairs,
-                       std::vector<double>* weight_factors) {
+int CountStrongOutliers(const RotationAverage& average,
+                        const std::vector<IndexedPair>& valid_pairs) {
   int num_strong = 0;
   for (size_t i = 0; i < valid_pairs.size(); ++i) {
-    double& factor = (*weight_factors)[i];
-    if (!average.is_outlier[i] || factor != 1 ||
-        PairProbability(*valid_pairs[i].pair) < kStrongProbability) {
-      continue;
-    }
-    factor = kKeptWeightFactor;
-    ++num_strong;
+    num_strong += average.is_outlier[i] &&
+                  PairProbability(*valid_pairs[i].pair) >= kStrongProbability;
   }
   return num_strong;
 }
 
+// Images that follow each other by name, the smaller index first.
+std::set<std::pair<int, int>> ConsecutiveImages(const Scene& scene,
+                                                const ImageIndex& index) {
+  std::vector<std::pair<std::string, int>> names;
+  for (int i = 0; i < index.Size(); ++i) {
+    names.emplace_back(scene.images.at(index.IdOf(i)).Name(), i);
+  }
+  std::sort(names.begin(), names.end());
+  std::set<std::pair<int, int>> consecutive;
+  for (size_t k = 1; k < names.size(); ++k) {
+    consecutive.insert(std::minmax(names[k - 1].second, names[k].second));
+  }
+  return consecutive;
+}
+
+// The pairs between different nodes with what speaks for each, its inliers, and
+// against it, matches that it misses. Photos are mostly taken next to those
+// before and after them: the evidence of such pairs counts in full.
+std::vector<JudgedRotation> JudgeRotations(
+    const Scene& scene,
+    const KeypointDepthMap& depths,
+    const ImageIndex& index,
+    const RotationNodes& nodes,
+    const std::vector<IndexedPair>& valid_pairs,
+    const PairGeometries& pairs) {
+  const MissingMatches missing_matches(scene, depths, pairs);
+  const std::set<std::pair<int, int>> consecutive =
+      ConsecutiveImages(scene, index);
+  std::vector<JudgedRotation> judged;
+  for (const IndexedPair& indexed : valid_pairs) {
+    const auto& [image1, image2, pair] = indexed;
+    JudgedRotation rotation;
+    rotation.relative = RelativeRotationOf(nodes, indexed);
+    if (rotation.relative.node1 == rotation.relative.node2) continue;
+    const double missing = missing_matches.EvidenceAgainst(
+        PairIdOfImages(index.IdOf(image1), index.IdOf(image2)));
+    if (missing > kMaxMissingMatches) rotation.cost_if_kept = missing;
+    rotation.cost_if_outlier = PairEvidence(*pair);
+    if (consecutive.count(std::minmax(image1, image2)) == 0) {
+      rotation.cost_if_outlier *= kOutlierCostFactor;
+    }
+    judged.push_back(rotation);
+  }
+  return judged;
+}
+
+// The average, or rotations of clearly lower cost.
 std::optional<RotationAverage> FindBestAverage(
     const ComponentAveragingOptions& options,
     const Scene& scene,
@@ -132,46 +167,30 @@ std::optional<RotationAverage> FindBestAverage(
     const std::vector<IndexedPair>& valid_pairs,
     const PairGeometries& pairs) {
   const RotationNodes nodes(index, frames);
-  const auto average_with = [&](const std::vector<double>& factors) {
-    return AverageRotationsKeeping(
-        options, nodes, valid_pairs, factors, /*start=*/{});
-  };
-  std::vector<double> weight_factors(valid_pairs.size(), 1);
-  std::optional<RotationAverage> best = average_with(weight_factors);
-  if (!best || options.skip_alternatives ||
-      KeepStrongOutliers(*best, valid_pairs, &weight_factors) <
-          kMinNumStrongOutliers) {
-    return best;
+  std::optional<RotationAverage> average =
+      AverageRotationsFrom(options, nodes, valid_pairs, /*start=*/{});
+  if (!average || options.skip_alternatives ||
+      CountStrongOutliers(*average, valid_pairs) < kMinNumStrongOutliers) {
+    return average;
   }
-  const MissingMatches missing_matches(scene, depths, pairs);
-  std::vector<double> missing;
-  std::vector<double> trusted_factors;
-  for (const IndexedPair& indexed : valid_pairs) {
-    const double evidence = missing_matches.EvidenceAgainst(
-        PairIdOfImages(index.IdOf(indexed.image1), index.IdOf(indexed.image2)));
-    missing.push_back(evidence > kMaxMissingMatches ? evidence : 0);
-    trusted_factors.push_back(
-        std::exp(-missing.back() / kMissingMatchesPerFold));
-  }
-  double best_cost = kMaxCostRatio * CostOf(*best, valid_pairs, missing);
-  for (std::vector<double> factors : {weight_factors, trusted_factors}) {
-    for (int i = 0; i < kMaxNumAlternatives; ++i) {
-      std::optional<RotationAverage> average = average_with(factors);
-      if (!average) break;
-      const double cost = CostOf(*average, valid_pairs, missing);
-      const int num_strong =
-          KeepStrongOutliers(*average, valid_pairs, &factors);
-      VLOG(1) << "Rotations that keep " << num_strong
-              << " more strong pairs cost " << cost << ", to win at most "
-              << best_cost;
-      if (cost < best_cost) {
-        best_cost = cost;
-        best = std::move(average);
-      }
-      if (num_strong < kMinNumStrongOutliers) break;
-    }
-  }
-  return best;
+  const std::vector<JudgedRotation> judged =
+      JudgeRotations(scene, depths, index, nodes, valid_pairs, pairs);
+  const double max_error_rad = MaxRotationErrorRad(options);
+  const std::vector<Eigen::Quaterniond> node_from_world =
+      nodes.NodeFromWorld(average->cam_from_world);
+  const std::vector<Eigen::Quaterniond> turned =
+      TurnGroups(judged,
+                 max_error_rad,
+                 /*fixed_node=*/0,
+                 options.rotation_averaging,
+                 node_from_world);
+  const double max_cost =
+      kMaxCostRatio * CostOfRotations(judged, max_error_rad, node_from_world);
+  const double cost = CostOfRotations(judged, max_error_rad, turned);
+  VLOG(1) << "Groups of images turned: cost " << cost << ", to win at most "
+          << max_cost;
+  if (cost >= max_cost) return average;
+  return AverageOf(options, valid_pairs, nodes.CamFromWorld(turned));
 }
 
 // Cuts off all images but those of the largest part that the edges connect.
@@ -218,14 +237,12 @@ void RefineRotationsByGravity(const ComponentAveragingOptions& options,
   const std::vector<IndexedPair> valid_pairs = ValidPairs(index, pairs);
   std::vector<Eigen::Quaterniond> node_from_world =
       nodes.NodeFromWorld(rotations->cam_from_world);
-  if (!RefineByGravity(
-          options.gravity,
-          options.rotation_averaging,
-          RelativeRotationsOf(
-              nodes, valid_pairs, std::vector<double>(valid_pairs.size(), 1)),
-          gravities,
-          /*fixed_node=*/0,
-          &node_from_world)) {
+  if (!RefineByGravity(options.gravity,
+                       options.rotation_averaging,
+                       RelativeRotationsOf(nodes, valid_pairs),
+                       gravities,
+                       /*fixed_node=*/0,
+                       &node_from_world)) {
     return;
   }
   rotations->cam_from_world = nodes.CamFromWorld(node_from_world);
@@ -288,12 +305,10 @@ std::optional<ComponentRotations> AverageComponentRotations(
         round == 0
             ? FindBestAverage(
                   options, scene, depths, frames, index, valid_pairs, *pairs)
-            : AverageRotationsKeeping(
-                  options,
-                  RotationNodes(index, frames),
-                  valid_pairs,
-                  std::vector<double>(valid_pairs.size(), 1),
-                  rotations.cam_from_world);
+            : AverageRotationsFrom(options,
+                                   RotationNodes(index, frames),
+                                   valid_pairs,
+                                   rotations.cam_from_world);
     if (!average) return std::nullopt;
     rotations.cam_from_world = std::move(average->cam_from_world);
     std::vector<GraphEdge> edges = FrameEdges(index, frames);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 namespace dgsfm {
 
 namespace {
@@ -14,7 +16,7 @@ constexpr double kMaxViewAngleDeg = 15.0;
 constexpr double kMaxDistanceRatio = 1.4;
 // Features next to the border may be outside the other image [of its size].
 constexpr double kBorder = 0.05;
-// Parts of an image along each side.
+// Parts of the common area along each side.
 constexpr int kGridSize = 4;
 // Features that a part needs to be judged.
 constexpr int kMinNumFeatures = 8;
@@ -33,6 +35,31 @@ struct Part {
 };
 using Parts = std::array<Part, kGridSize * kGridSize>;
 
+// Feature of an image where it is in another [size of that].
+struct SeenFeature {
+  Eigen::Vector2d xy;
+  bool matched = false;
+};
+
+// Parts of the area that has features: what two images have in common may be a
+// strip of each.
+Parts CountByPart(const std::vector<SeenFeature>& features) {
+  Parts parts;
+  Eigen::AlignedBox2d area;
+  for (const SeenFeature& feature : features) area.extend(feature.xy);
+  if (area.isEmpty() || !(area.sizes().minCoeff() > 0)) return parts;
+  for (const SeenFeature& feature : features) {
+    const Eigen::Vector2d in_area =
+        (feature.xy - area.min()).cwiseQuotient(area.sizes());
+    const Eigen::Vector2i cell =
+        (kGridSize * in_area).cast<int>().cwiseMin(kGridSize - 1);
+    Part& part = parts[cell.y() * kGridSize + cell.x()];
+    ++part.num_features;
+    part.num_matched += feature.matched;
+  }
+  return parts;
+}
+
 // Looks for the features of one image in another; the pose maps from the camera
 // of the first, in units of its depth map. The features that the pair matches
 // are flagged.
@@ -40,7 +67,7 @@ Parts LookForFeatures(const Features& features,
                       const std::vector<bool>& is_matched,
                       const Rigid3d& other_from_view,
                       const colmap::Camera& other) {
-  Parts parts;
+  std::vector<SeenFeature> seen;
   const Eigen::Matrix3d rotation = other_from_view.rotation.toRotationMatrix();
   const Eigen::Vector3d other_center = other_from_view.TargetOriginInSource();
   const double min_cosine = std::cos(kMaxViewAngleDeg * M_PI / 180);
@@ -64,12 +91,9 @@ Parts LookForFeatures(const Features& features,
     if (relative.minCoeff() < kBorder || relative.maxCoeff() > 1 - kBorder) {
       continue;
     }
-    const Eigen::Vector2i cell = (kGridSize * relative).cast<int>();
-    Part& part = parts[cell.y() * kGridSize + cell.x()];
-    ++part.num_features;
-    part.num_matched += matched;
+    seen.push_back({relative, matched});
   }
-  return parts;
+  return CountByPart(seen);
 }
 
 double LogLikelihood(const Part& part, double matched_share) {

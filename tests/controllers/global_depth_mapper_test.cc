@@ -222,6 +222,8 @@ TEST(GlobalDepthMapper, OneModelIsOneThoughItsPairsFallApart) {
                           // So strict that true pairs leave.
                           "--DepthGlobalMapper.max_rotation_error",
                           "0.3",
+                          "--DepthGlobalMapper.skip_rotation_alternatives",
+                          "1",
                           "--DepthGlobalMapper.multiple_models",
                           multiple_models})
                   .code,

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include <gtest/gtest.h>
 
@@ -54,6 +55,14 @@ Component ExactComponent() {
   return component;
 }
 
+Scene SceneOf(const Component& component) {
+  Scene scene;
+  for (const colmap::image_t image_id : component.image_ids) {
+    scene.images[image_id].SetName(std::to_string(image_id) + ".jpg");
+  }
+  return scene;
+}
+
 PairGeometry& PairOf(Component* component, int image1, int image2) {
   return component->pairs.at(PairIdOfImages(image1 + 1, image2 + 1));
 }
@@ -87,8 +96,12 @@ TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
     }
   }
   ComponentAveragingOptions options;
-  const auto result = AverageComponentRotations(
-      options, Scene(), {}, {}, component.image_ids, &component.pairs);
+  const auto result = AverageComponentRotations(options,
+                                                SceneOf(component),
+                                                {},
+                                                {},
+                                                component.image_ids,
+                                                &component.pairs);
   ASSERT_TRUE(result);
   size_t num_images = result->image_ids.size();
   for (const auto& part : result->other_parts) num_images += part.size();
