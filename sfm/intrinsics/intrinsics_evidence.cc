@@ -31,6 +31,8 @@ constexpr double kCropSignificance = 1e-3;
 // prior, up to which it counts as determined: they then have twice the
 // information of the prior.
 constexpr double kMaxUncertaintyRatio = M_SQRT1_2;
+// ... and if the key points prefer them to the given ones by 20 to 1 [nat].
+constexpr double kMinLogOdds = 3;
 
 // Differences of values from their weighted mean, over their standard
 // deviations [1], which are at least kMinLogFocalStddev.
@@ -216,15 +218,16 @@ std::set<colmap::camera_t> FindHeldPrincipalPoints(
     const double stddev_px = prior.principal_point_stddev_ratio *
                              LargerSide(beliefs.given.at(camera_id));
     const double uncertainty = MaxStddev(deviation.covariance) / stddev_px;
+    const double log_odds = LogOddsOfPrior(deviation, stddev_px);
     VLOG(1) << "Principal point of camera " << camera_id << ": uncertainty "
             << uncertainty << " of the prior's, off by "
-            << deviation.offset.transpose() << " px";
+            << deviation.offset.transpose() << " px, log odds " << log_odds;
     const bool is_crop =
         deviation.ChiSquare() > max_chi_square &&
         deviation.offset.norm() > prior.crop_factor * stddev_px;
     const bool is_determined = images_of.at(camera_id).size() > 1 &&
                                uncertainty < kMaxUncertaintyRatio &&
-                               LogOddsOfPrior(deviation, stddev_px) > 0;
+                               log_odds > kMinLogOdds;
     if (is_crop || is_determined) freed.insert(camera_id);
   }
   return CamerasOf(beliefs, model, [&](colmap::camera_t first_id) {

@@ -301,7 +301,8 @@ TEST(FindContradictingImages, OnlyWhereFocalLengthsDiffer) {
 // collection from all sides determines it.
 TEST(FindHeldPrincipalPoints, FreesWhatIsDeterminedAndDeviates) {
   for (const SceneFamily family : {SceneFamily::RING, SceneFamily::INTERNET}) {
-    for (const double offset_px : {0.0, 12.0}) {
+    // 2 px, 2.2 standard deviations, are more likely from the prior by a hair.
+    for (const double offset_px : {0.0, 2.0, 12.0}) {
       SyntheticSceneOptions options = SceneFamilyOptions(family);
       options.num_images = family == SceneFamily::RING ? 8 : 12;
       options.num_points_per_image = 300;
@@ -325,7 +326,7 @@ TEST(FindHeldPrincipalPoints, FreesWhatIsDeterminedAndDeviates) {
           !FindHeldPrincipalPoints(
                adjustment.intrinsics, beliefs, *posterior, model)
                .empty();
-      EXPECT_EQ(is_held, family == SceneFamily::RING || offset_px == 0)
+      EXPECT_EQ(is_held, family == SceneFamily::RING || offset_px < 12)
           << SceneFamilyName(family) << " " << offset_px << " "
           << posterior->covariance.diagonal().cwiseSqrt().transpose();
     }
