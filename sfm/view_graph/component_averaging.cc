@@ -25,9 +25,10 @@ constexpr double kStrongProbability = 0.9;
 constexpr int kMinNumStrongOutliers = 3;
 // Missing matches below this are within what true pairs show [nat].
 constexpr double kMaxMissingMatches = 12;
-// Cost of other rotations over that of the average, at most: where depth maps
-// belong to other images, those that take out true pairs come to 0.61.
-constexpr double kMaxCostRatio = 0.6;
+// Cost over that of the average up to which rotations may take out more pairs:
+// where depth maps belong to other images, those that take out true ones come
+// to 0.49.
+constexpr double kMaxCostRatio = 0.35;
 // Inliers of look-alikes have one cause, which pairs share: their evidence
 // counts less than that of missing matches.
 constexpr double kOutlierCostFactor = 0.25;
@@ -157,7 +158,26 @@ std::vector<JudgedRotation> JudgeRotations(
   return judged;
 }
 
-// The average, or rotations of clearly lower cost.
+// Whether rotations cost less than the average: clearly less, or by the pairs
+// that they take out as well, which do not depend on depth maps being right.
+bool AreBetter(const std::vector<JudgedRotation>& judged,
+               double max_error_rad,
+               const std::vector<Eigen::Quaterniond>& average,
+               const std::vector<Eigen::Quaterniond>& rotations) {
+  std::vector<JudgedRotation> by_inliers = judged;
+  for (JudgedRotation& rotation : by_inliers) rotation.cost_if_kept = 0;
+  const auto cost_ratio = [&](const std::vector<JudgedRotation>& pairs) {
+    return CostOfRotations(pairs, max_error_rad, rotations) /
+           CostOfRotations(pairs, max_error_rad, average);
+  };
+  const double ratio = cost_ratio(judged);
+  const double ratio_by_inliers = cost_ratio(by_inliers);
+  VLOG(1) << "Groups of images turned: cost " << ratio
+          << " of the average's, without missing matches " << ratio_by_inliers;
+  return ratio < kMaxCostRatio || (ratio < 1 && ratio_by_inliers < 1);
+}
+
+// The average, or rotations that cost less.
 std::optional<RotationAverage> FindBestAverage(
     const ComponentAveragingOptions& options,
     const Scene& scene,
@@ -184,12 +204,9 @@ std::optional<RotationAverage> FindBestAverage(
                  /*fixed_node=*/0,
                  options.rotation_averaging,
                  node_from_world);
-  const double max_cost =
-      kMaxCostRatio * CostOfRotations(judged, max_error_rad, node_from_world);
-  const double cost = CostOfRotations(judged, max_error_rad, turned);
-  VLOG(1) << "Groups of images turned: cost " << cost << ", to win at most "
-          << max_cost;
-  if (cost >= max_cost) return average;
+  if (!AreBetter(judged, max_error_rad, node_from_world, turned)) {
+    return average;
+  }
   return AverageOf(options, valid_pairs, nodes.CamFromWorld(turned));
 }
 
