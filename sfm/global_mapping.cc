@@ -39,9 +39,9 @@ std::optional<ComponentRotations> AverageRotationsOf(
   std::optional<ComponentRotations> rotations =
       AverageComponentRotations(context.options.averaging,
                                 context.scene,
-                                context.depths,
                                 context.frames,
                                 image_ids,
+                                context.verification.num_threads,
                                 pairs);
   if (!rotations) {
     LOG(ERROR) << "Rotation averaging failed for the component of image "

@@ -26,9 +26,8 @@ constexpr int kMinNumStrongOutliers = 3;
 // Missing matches below this are within what true pairs show [nat].
 constexpr double kMaxMissingMatches = 12;
 // Cost over that of the average up to which rotations may take out more pairs:
-// where depth maps belong to other images, those that take out true ones come
-// to 0.49.
-constexpr double kMaxCostRatio = 0.35;
+// on photos, those that take out true ones come to 0.37 and more.
+constexpr double kMaxCostRatio = 0.3;
 // Inliers of look-alikes have one cause, which pairs share: their evidence
 // counts less than that of missing matches.
 constexpr double kOutlierCostFactor = 0.25;
@@ -132,23 +131,23 @@ std::set<std::pair<int, int>> ConsecutiveImages(const Scene& scene,
 // before and after them: the evidence of such pairs counts in full.
 std::vector<JudgedRotation> JudgeRotations(
     const Scene& scene,
-    const KeypointDepthMap& depths,
     const ImageIndex& index,
     const RotationNodes& nodes,
     const std::vector<IndexedPair>& valid_pairs,
-    const PairGeometries& pairs) {
-  const MissingMatches missing_matches(scene, depths, pairs);
+    int num_threads) {
+  const std::vector<double> missing_matches =
+      EvidenceOfMissingMatches(scene, index, valid_pairs, num_threads);
   const std::set<std::pair<int, int>> consecutive =
       ConsecutiveImages(scene, index);
   std::vector<JudgedRotation> judged;
-  for (const IndexedPair& indexed : valid_pairs) {
-    const auto& [image1, image2, pair] = indexed;
+  for (size_t i = 0; i < valid_pairs.size(); ++i) {
+    const auto& [image1, image2, pair] = valid_pairs[i];
     JudgedRotation rotation;
-    rotation.relative = RelativeRotationOf(nodes, indexed);
+    rotation.relative = RelativeRotationOf(nodes, valid_pairs[i]);
     if (rotation.relative.node1 == rotation.relative.node2) continue;
-    const double missing = missing_matches.EvidenceAgainst(
-        PairIdOfImages(index.IdOf(image1), index.IdOf(image2)));
-    if (missing > kMaxMissingMatches) rotation.cost_if_kept = missing;
+    if (missing_matches[i] > kMaxMissingMatches) {
+      rotation.cost_if_kept = missing_matches[i];
+    }
     rotation.cost_if_outlier = PairEvidence(*pair);
     if (consecutive.count(std::minmax(image1, image2)) == 0) {
       rotation.cost_if_outlier *= kOutlierCostFactor;
@@ -181,11 +180,10 @@ bool AreBetter(const std::vector<JudgedRotation>& judged,
 std::optional<RotationAverage> FindBestAverage(
     const ComponentAveragingOptions& options,
     const Scene& scene,
-    const KeypointDepthMap& depths,
     const FrameMembers& frames,
     const ImageIndex& index,
     const std::vector<IndexedPair>& valid_pairs,
-    const PairGeometries& pairs) {
+    int num_threads) {
   const RotationNodes nodes(index, frames);
   std::optional<RotationAverage> average =
       AverageRotationsFrom(options, nodes, valid_pairs, /*start=*/{});
@@ -194,7 +192,7 @@ std::optional<RotationAverage> FindBestAverage(
     return average;
   }
   const std::vector<JudgedRotation> judged =
-      JudgeRotations(scene, depths, index, nodes, valid_pairs, pairs);
+      JudgeRotations(scene, index, nodes, valid_pairs, num_threads);
   const double max_error_rad = MaxRotationErrorRad(options);
   const std::vector<Eigen::Quaterniond> node_from_world =
       nodes.NodeFromWorld(average->cam_from_world);
@@ -309,9 +307,9 @@ bool ComponentAveragingOptions::IsValid(std::string* error) const {
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
     const Scene& scene,
-    const KeypointDepthMap& depths,
     const FrameMembers& frames,
     const std::vector<colmap::image_t>& image_ids,
+    int num_threads,
     PairGeometries* pairs) {
   ComponentRotations rotations;
   rotations.image_ids = image_ids;
@@ -321,7 +319,7 @@ std::optional<ComponentRotations> AverageComponentRotations(
     std::optional<RotationAverage> average =
         round == 0
             ? FindBestAverage(
-                  options, scene, depths, frames, index, valid_pairs, *pairs)
+                  options, scene, frames, index, valid_pairs, num_threads)
             : AverageRotationsFrom(options,
                                    RotationNodes(index, frames),
                                    valid_pairs,

@@ -58,18 +58,17 @@ struct ComponentRotations {
 // connect, weighted by their evidence. Pairs too far off become
 // ROTATION_OUTLIER. If repeated structure contributes more pairs than the true
 // path between places, the average rejects the true pairs. Where strong pairs
-// are outliers, averages that keep them are tried as well: one of these wins if
-// its cost, matches that its pairs miss by the depths and evidence of its
-// outliers, is clearly lower.
-// Images of a frame share its rotation, which all their pairs determine. With
-// options.gravity.use_gravity, gravity refines the rotations in the end.
-// Nothing if the averaging fails.
+// are outliers, groups of images turn as a whole as well: these rotations win
+// if the cost of matches that pairs miss and of outliers is clearly lower, or
+// if that of the outliers alone is lower, too. Images of a frame share its
+// rotation, which all their pairs determine. With options.gravity.use_gravity,
+// gravity refines the rotations in the end. Nothing if the averaging fails.
 std::optional<ComponentRotations> AverageComponentRotations(
     const ComponentAveragingOptions& options,
     const Scene& scene,
-    const KeypointDepthMap& depths,
     const FrameMembers& frames,
     const std::vector<colmap::image_t>& image_ids,
+    int num_threads,
     PairGeometries* pairs);
 
 // Factor of each image's depth map to the common scale.

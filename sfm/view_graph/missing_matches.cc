@@ -1,5 +1,8 @@
 #include "sfm/view_graph/missing_matches.h"
 
+#include "colmap_ext/parallel.h"
+#include "sfm/view_graph/pair_views.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,6 +17,11 @@ namespace {
 // Views of a point that differ by less are found again [deg], [1].
 constexpr double kMaxViewAngleDeg = 15.0;
 constexpr double kMaxDistanceRatio = 1.4;
+// Angle between the rays of another pair above which its depth shows where a
+// feature should be [deg].
+constexpr double kMinRayAngleDeg = 3.0;
+// Other pairs whose features are looked for, those with most points.
+constexpr int kMaxNumOtherViews = 8;
 // Features next to the border may be outside the other image [of its size].
 constexpr double kBorder = 0.05;
 // Parts of the common area along each side.
@@ -27,7 +35,11 @@ constexpr double kAccidentalShare = 0.02;
 constexpr double kPartCost = 4.0;
 constexpr double kMaxPartEvidence = 8.0;
 
-using Features = std::vector<MissingMatches::Feature>;
+// Key point of an image that other pairs match.
+struct Feature {
+  Eigen::Vector3d point_in_cam;
+  bool matched = false;  // by the pair
+};
 
 struct Part {
   int num_features = 0;
@@ -61,10 +73,8 @@ Parts CountByPart(const std::vector<SeenFeature>& features) {
 }
 
 // Looks for the features of one image in another; the pose maps from the camera
-// of the first, in units of its depth map. The features that the pair matches
-// are flagged.
-Parts LookForFeatures(const Features& features,
-                      const std::vector<bool>& is_matched,
+// of the first.
+Parts LookForFeatures(const std::vector<Feature>& features,
                       const Rigid3d& other_from_view,
                       const colmap::Camera& other) {
   std::vector<SeenFeature> seen;
@@ -72,10 +82,7 @@ Parts LookForFeatures(const Features& features,
   const Eigen::Vector3d other_center = other_from_view.TargetOriginInSource();
   const double min_cosine = std::cos(kMaxViewAngleDeg * M_PI / 180);
   const Eigen::Vector2d size(other.Width(), other.Height());
-  for (const MissingMatches::Feature& feature : features) {
-    const bool matched = is_matched[feature.point2D_idx];
-    if (feature.num_matched_pairs <= int(matched)) continue;
-    const Eigen::Vector3d& point = feature.point_in_cam;
+  for (const auto& [point, matched] : features) {
     const Eigen::Vector3d in_other =
         rotation * point + other_from_view.translation;
     const double distance = point.norm();
@@ -122,71 +129,122 @@ double EvidenceOfParts(const Parts& parts) {
   return evidence;
 }
 
+// An image with what its pairs triangulate.
+class ViewingImage {
+ public:
+  ViewingImage(const Scene& scene,
+               const ImageIndex& index,
+               const std::vector<IndexedPair>& pairs,
+               const std::vector<int>& pairs_of_image,
+               int image)
+      : scene_(scene),
+        index_(index),
+        pairs_(pairs),
+        image_(image),
+        views_(ViewsOfImage(scene, index, pairs, pairs_of_image, image)),
+        num_views_(scene.images.at(index.IdOf(image)).NumPoints2D(), 0) {
+    for (const PairView& view : views_) {
+      for (const ViewedPoint& point : view.points) {
+        ++num_views_[point.point2D_idx];
+      }
+    }
+    std::stable_sort(
+        views_.begin(), views_.end(), [](const auto& a, const auto& b) {
+          return a.points.size() > b.points.size();
+        });
+  }
+
+  const std::vector<PairView>& Views() const { return views_; }
+
+  // Evidence that the other image of a view shows another place.
+  double EvidenceAgainst(const PairView& view) const {
+    const auto& [image1, image2, pair] = pairs_[size_t(view.pair)];
+    const double length = pair->cam2_from_cam1.translation.norm();
+    if (length == 0) return 0;
+    Rigid3d other_from_view(pair->cam2_from_cam1.rotation,
+                            pair->cam2_from_cam1.translation / length);
+    if (image_ == image2) other_from_view = other_from_view.Inverse();
+    const colmap::Image& other =
+        scene_.images.at(index_.IdOf(image_ == image1 ? image2 : image1));
+    return EvidenceOfParts(
+        LookForFeatures(FeaturesIn(view),
+                        other_from_view,
+                        scene_.cameras.at(other.CameraId())));
+  }
+
+ private:
+  // Features that other pairs match, in units of the baseline of this one.
+  std::vector<Feature> FeaturesIn(const PairView& view) const {
+    const colmap::Image& image = scene_.images.at(index_.IdOf(image_));
+    const colmap::Camera& camera = scene_.cameras.at(image.CameraId());
+    const IndexedPair& indexed = pairs_[size_t(view.pair)];
+    std::vector<char> is_matched(num_views_.size(), false);
+    for (const colmap::FeatureMatch& match : indexed.pair->inlier_matches) {
+      is_matched[image_ == indexed.image1 ? match.point2D_idx1
+                                          : match.point2D_idx2] = true;
+    }
+    std::vector<char> is_added(num_views_.size(), false);
+    std::vector<Feature> features;
+    const auto add = [&](const PairView& other, double log_scale) {
+      for (const auto& [idx, log_depth, ray_angle_rad] : other.points) {
+        if (is_added[idx] || num_views_[idx] <= int(is_matched[idx]) ||
+            (&other != &view && ray_angle_rad < kMinRayAngleDeg * M_PI / 180)) {
+          continue;
+        }
+        is_added[idx] = true;
+        features.push_back(
+            {std::exp(log_depth + log_scale) *
+                 camera.ImageToWorld(image.Point2D(idx).XY()).homogeneous(),
+             bool(is_matched[idx])});
+      }
+    };
+    add(view, 0);
+    int num_added = 0;
+    for (const PairView& other : views_) {
+      if (other.pair == view.pair) continue;
+      const auto log_ratio = LogRatio(view, other);
+      if (!log_ratio) continue;
+      add(other, *log_ratio);
+      if (++num_added == kMaxNumOtherViews) break;
+    }
+    return features;
+  }
+
+  const Scene& scene_;
+  const ImageIndex& index_;
+  const std::vector<IndexedPair>& pairs_;
+  const int image_;
+  // Those with most points first.
+  std::vector<PairView> views_;
+  // By key point.
+  std::vector<int> num_views_;
+};
+
 }  // namespace
 
-MissingMatches::MissingMatches(const Scene& scene,
-                               const KeypointDepthMap& depths,
-                               const PairGeometries& pairs)
-    : scene_(scene), pairs_(pairs) {
-  std::map<colmap::image_t, std::vector<int>> num_matched_pairs;
-  for (const auto& [image_id, depths_of_image] : depths) {
-    num_matched_pairs[image_id].resize(depths_of_image.depths.size(), 0);
-  }
-  const auto count = [&](colmap::image_t image_id, colmap::point2D_t idx) {
-    const auto it = num_matched_pairs.find(image_id);
-    if (it != num_matched_pairs.end()) ++it->second[idx];
-  };
-  for (const auto& [pair_id, pair] : pairs) {
-    if (pair.status != PairStatus::VALID) continue;
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-      count(image_id1, match.point2D_idx1);
-      count(image_id2, match.point2D_idx2);
+std::vector<double> EvidenceOfMissingMatches(
+    const Scene& scene,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& pairs,
+    int num_threads) {
+  const std::vector<std::vector<int>> pairs_of_images =
+      PairsOfImages(index, pairs);
+  // By the first and by the second image of each pair.
+  std::vector<std::array<double, 2>> evidence(pairs.size(), {0, 0});
+  ParallelFor(pairs_of_images.size(), num_threads, [&](size_t image) {
+    const ViewingImage viewing(
+        scene, index, pairs, pairs_of_images[image], int(image));
+    for (const PairView& view : viewing.Views()) {
+      const bool is_second = pairs[size_t(view.pair)].image2 == int(image);
+      evidence[size_t(view.pair)][is_second] = viewing.EvidenceAgainst(view);
     }
-  }
-  for (const auto& [image_id, counts] : num_matched_pairs) {
-    const colmap::Image& image = scene.images.at(image_id);
-    const colmap::Camera& camera = scene.cameras.at(image.CameraId());
-    const std::vector<float>& depths_of_image = depths.at(image_id).depths;
-    for (colmap::point2D_t i = 0; i < counts.size(); ++i) {
-      if (counts[i] == 0 || !(depths_of_image[i] > 0)) continue;
-      features_[image_id].push_back(
-          {i,
-           counts[i],
-           depths_of_image[i] *
-               camera.ImageToWorld(image.Point2D(i).XY()).homogeneous()});
-    }
-  }
-}
-
-double MissingMatches::EvidenceAgainst(colmap::image_pair_t pair_id) const {
-  const PairGeometry& pair = pairs_.at(pair_id);
-  const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-  const auto features1 = features_.find(image_id1);
-  const auto features2 = features_.find(image_id2);
-  if (!pair.has_scale || features1 == features_.end() ||
-      features2 == features_.end()) {
-    return 0;
-  }
-  const colmap::Image& image1 = scene_.images.at(image_id1);
-  const colmap::Image& image2 = scene_.images.at(image_id2);
-  std::vector<bool> is_matched1(image1.NumPoints2D(), false);
-  std::vector<bool> is_matched2(image2.NumPoints2D(), false);
-  for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-    is_matched1[match.point2D_idx1] = true;
-    is_matched2[match.point2D_idx2] = true;
-  }
+  });
   // A passer-by hides features in one of the images only.
-  return std::min(
-      EvidenceOfParts(LookForFeatures(features1->second,
-                                      is_matched1,
-                                      pair.cam2_from_cam1,
-                                      scene_.cameras.at(image2.CameraId()))),
-      EvidenceOfParts(LookForFeatures(
-          features2->second,
-          is_matched2,
-          InverseScaledPose(pair.cam2_from_cam1, pair.scale_1_from_2),
-          scene_.cameras.at(image1.CameraId()))));
+  std::vector<double> of_pairs;
+  for (const auto& [by_first, by_second] : evidence) {
+    of_pairs.push_back(std::min(by_first, by_second));
+  }
+  return of_pairs;
 }
 
 }  // namespace dgsfm

@@ -2,45 +2,28 @@
 
 #pragma once
 
-#include "sfm/verification/pair_verification.h"
+#include "sfm/view_graph/view_graph.h"
 
-#include <map>
 #include <vector>
-
-#include <Eigen/Core>
 
 namespace dgsfm {
 
-// Images of look-alike places agree where the places do, and have no matches
-// at all where they differ. With depth and the pose of a pair, features of one
-// image that are matched elsewhere, and so can be found again, are looked for
-// in the other: where both images see them from nearly the same direction and
-// distance, a true pair matches about the same share of them everywhere, and a
-// false one none in whole parts of the image.
-class MissingMatches {
- public:
-  // Key point of an image, with depth and matched by a valid pair.
-  struct Feature {
-    colmap::point2D_t point2D_idx = 0;
-    int num_matched_pairs = 0;
-    // In units of the depth map.
-    Eigen::Vector3d point_in_cam = Eigen::Vector3d::Zero();
-  };
-
-  // The scene and the pairs must outlive it and not change.
-  MissingMatches(const Scene& scene,
-                 const KeypointDepthMap& depths,
-                 const PairGeometries& pairs);
-
-  // Log-likelihood ratio [nat] of "the images show different places" to "the
-  // parts without matches are accidental", at least 0; 0 for pairs without
-  // depth and scale.
-  double EvidenceAgainst(colmap::image_pair_t pair_id) const;
-
- private:
-  const Scene& scene_;
-  const PairGeometries& pairs_;
-  std::map<colmap::image_t, std::vector<Feature>> features_;
-};
+// Log-likelihood ratio [nat] of "the images show different places" to "the
+// parts without matches are accidental" for each pair, at least 0.
+//
+// Images of look-alike places agree where the places do, and have no matches at
+// all where they differ. Features of one image that other pairs match, and so
+// can be found again, are looked for in the other image: where both see them
+// from nearly the same direction and distance, a true pair matches about the
+// same share of them everywhere, and a false one none in whole parts of the
+// area in common. Where in the other image a feature should be follows from the
+// depth that its own pairs triangulate, in units of this pair's baseline by the
+// key points that both triangulate; no depth map is needed. 0 for pairs whose
+// images did not move.
+std::vector<double> EvidenceOfMissingMatches(
+    const Scene& scene,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& pairs,
+    int num_threads);
 
 }  // namespace dgsfm

@@ -4,7 +4,7 @@
 #include "estimators/averaging/graph.h"
 #include "estimators/averaging/scale_averaging.h"
 #include "estimators/median.h"
-#include "estimators/solvers/epipolar.h"
+#include "sfm/view_graph/pair_views.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,93 +17,8 @@ namespace dgsfm {
 
 namespace {
 
-// Key points that two pairs must share for a ratio of their lengths.
-constexpr int kMinNumSharedPoints = 6;
 // Ratios of a pair to stronger ones at each of its images, at most.
 constexpr int kMaxNumRatios = 4;
-// Angle between two rays below which they give no depth [deg]. Small: a
-// false pair of look-alike views often claims that its images did not move.
-constexpr double kMinRayAngleDeg = 0.1;
-
-// Log depths of the key points of an image that one pair triangulates, in
-// increasing order of the key points.
-struct PairView {
-  int pair = 0;
-  std::vector<std::pair<colmap::point2D_t, double>> log_depths;
-};
-
-Eigen::Vector2d NormalizedPoint(const Scene& scene,
-                                const colmap::Image& image,
-                                colmap::point2D_t point2D_idx) {
-  return scene.cameras.at(image.CameraId())
-      .ImageToWorld(image.Point2D(point2D_idx).XY());
-}
-
-// The points of the key points of an image that pairs ask for, each computed
-// once.
-class NormalizedPoints {
- public:
-  NormalizedPoints(const Scene& scene, const colmap::Image& image)
-      : scene_(scene), image_(image), points_(image.NumPoints2D()) {}
-
-  const Eigen::Vector2d& At(colmap::point2D_t point2D_idx) {
-    std::optional<Eigen::Vector2d>& point = points_[point2D_idx];
-    if (!point) point = NormalizedPoint(scene_, image_, point2D_idx);
-    return *point;
-  }
-
- private:
-  const Scene& scene_;
-  const colmap::Image& image_;
-  std::vector<std::optional<Eigen::Vector2d>> points_;
-};
-
-// Depths of the inliers of a pair in one of its images, in units of the
-// baseline. `points` are those of that image.
-PairView ViewOfPair(const Scene& scene,
-                    const ImageIndex& index,
-                    const IndexedPair& indexed,
-                    int image,
-                    NormalizedPoints* points) {
-  const PairGeometry& pair = *indexed.pair;
-  PairView view;
-  const double length = pair.cam2_from_cam1.translation.norm();
-  if (length == 0) return view;
-  TwoViewModel model;
-  model.rotation = pair.cam2_from_cam1.rotation.toRotationMatrix();
-  model.translation = pair.cam2_from_cam1.translation / length;
-  model.focal1 = model.focal2 = 1;
-  const bool is_first = image == indexed.image1;
-  const colmap::Image& other_image =
-      scene.images.at(index.IdOf(is_first ? indexed.image2 : indexed.image1));
-  for (const colmap::FeatureMatch& match : pair.inlier_matches) {
-    const colmap::point2D_t point2D_idx =
-        is_first ? match.point2D_idx1 : match.point2D_idx2;
-    const Eigen::Vector2d& x = points->At(point2D_idx);
-    const Eigen::Vector2d other_x = NormalizedPoint(
-        scene, other_image, is_first ? match.point2D_idx2 : match.point2D_idx1);
-    const auto point =
-        IntersectRays(model, is_first ? x : other_x, is_first ? other_x : x);
-    if (!point || point->angle_rad < kMinRayAngleDeg * M_PI / 180) continue;
-    view.log_depths.emplace_back(
-        point2D_idx, std::log(is_first ? point->depth1 : point->depth2));
-  }
-  std::sort(view.log_depths.begin(), view.log_depths.end());
-  return view;
-}
-
-// Log of the depths of the first over those of the second, at the key points
-// that both have.
-std::vector<double> LogRatios(const PairView& view1, const PairView& view2) {
-  std::vector<double> ratios;
-  auto it = view2.log_depths.begin();
-  for (const auto& [point2D_idx, log_depth] : view1.log_depths) {
-    while (it != view2.log_depths.end() && it->first < point2D_idx) ++it;
-    if (it == view2.log_depths.end()) break;
-    if (it->first == point2D_idx) ratios.push_back(log_depth - it->second);
-  }
-  return ratios;
-}
 
 // Ratios of the lengths of pairs at an image that they share.
 std::vector<RelativeLogScale> RatiosAtImage(
@@ -112,25 +27,21 @@ std::vector<RelativeLogScale> RatiosAtImage(
     const std::vector<IndexedPair>& pairs,
     const std::vector<int>& pairs_of_image,
     int image) {
-  NormalizedPoints points(scene, scene.images.at(index.IdOf(image)));
-  std::vector<PairView> views;
-  for (const int i : pairs_of_image) {
-    views.push_back(ViewOfPair(scene, index, pairs[i], image, &points));
-    views.back().pair = i;
-  }
+  std::vector<PairView> views =
+      ViewsOfImage(scene, index, pairs, pairs_of_image, image);
   // Those with most points first.
   std::stable_sort(
       views.begin(), views.end(), [](const auto& a, const auto& b) {
-        return a.log_depths.size() > b.log_depths.size();
+        return a.points.size() > b.points.size();
       });
   std::vector<RelativeLogScale> ratios;
   for (size_t i = 0; i < views.size(); ++i) {
     int num_ratios = 0;
     for (size_t j = 0; j < i && num_ratios < kMaxNumRatios; ++j) {
-      const std::vector<double> log_ratios = LogRatios(views[j], views[i]);
-      if (int(log_ratios.size()) < kMinNumSharedPoints) continue;
+      const std::optional<double> log_ratio = LogRatio(views[j], views[i]);
+      if (!log_ratio) continue;
       // The larger depths are in units of a length, the smaller it is.
-      ratios.push_back({views[j].pair, views[i].pair, Median(log_ratios)});
+      ratios.push_back({views[j].pair, views[i].pair, *log_ratio});
       ++num_ratios;
     }
   }
@@ -144,11 +55,8 @@ std::vector<RelativeLogScale> RatiosOfLengths(
     const ImageIndex& index,
     const std::vector<IndexedPair>& pairs,
     int num_threads) {
-  std::vector<std::vector<int>> pairs_of_images(index.Size());
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    pairs_of_images[pairs[i].image1].push_back(int(i));
-    pairs_of_images[pairs[i].image2].push_back(int(i));
-  }
+  const std::vector<std::vector<int>> pairs_of_images =
+      PairsOfImages(index, pairs);
   std::vector<std::vector<RelativeLogScale>> ratios_at_images(index.Size());
   ParallelFor(ratios_at_images.size(), num_threads, [&](size_t image) {
     ratios_at_images[image] =

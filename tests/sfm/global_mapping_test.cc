@@ -270,22 +270,21 @@ TEST(GlobalMapping, LookAlikePlacesAreKeptApartWithoutGoodDepth) {
 
 // Each image is matched with one, two or five that see the same on the other
 // side: as many pairs as there are around the corners, or twice as many.
-// Without depth the pairs that fit together decide, which are the true ones
-// where each image has one partner.
 TEST(GlobalMapping, TwinFacadesFacingAwayAreNotFolded) {
-  for (const auto [num_look_alikes, use_depth] :
-       {std::pair(1, false), {1, true}, {2, true}, {5, true}}) {
-    SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::TWINS);
-    options.num_images = 20;
-    options.max_num_look_alikes = num_look_alikes;
-    options.image_noise_px = 0.5;
-    options.depth_noise = DepthModelFromName("network");
-    const SyntheticScene synthetic = SynthesizeScene(options);
-    const Outcome outcome = MapSynthetic(synthetic, {}, use_depth);
-    ASSERT_FALSE(outcome.result.models.empty());
-    // One image on the wrong side would be a tenth of all pairs.
-    EXPECT_GT(AreaUnderCurve(outcome.metrics.relative_errors_deg, {5})[0], 95)
-        << num_look_alikes << ", with depth " << use_depth;
+  for (const int num_look_alikes : {1, 2, 5}) {
+    for (const bool use_depth : {true, false}) {
+      SyntheticSceneOptions options = SceneFamilyOptions(SceneFamily::TWINS);
+      options.num_images = 20;
+      options.max_num_look_alikes = num_look_alikes;
+      options.image_noise_px = 0.5;
+      options.depth_noise = DepthModelFromName("network");
+      const SyntheticScene synthetic = SynthesizeScene(options);
+      const Outcome outcome = MapSynthetic(synthetic, {}, use_depth);
+      ASSERT_FALSE(outcome.result.models.empty());
+      // One image on the wrong side would be a tenth of all pairs.
+      EXPECT_GT(AreaUnderCurve(outcome.metrics.relative_errors_deg, {5})[0], 95)
+          << num_look_alikes << ", with depth " << use_depth;
+    }
   }
 }
 

@@ -52,9 +52,9 @@ Mapped MapInOrder(const TwoPlaces& places, const std::vector<int>& order) {
   for (const int i : order) {
     const auto rotations = AverageComponentRotations(options.averaging,
                                                      places.scene,
-                                                     places.depths,
                                                      frames,
                                                      components.at(i),
+                                                     /*num_threads=*/1,
                                                      &mapped.pairs);
     MappingLog log;
     mapped.results[i] =

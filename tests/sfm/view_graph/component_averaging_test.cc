@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -14,6 +15,7 @@ namespace dgsfm {
 namespace {
 
 constexpr int kNumImages = 8;
+constexpr colmap::point2D_t kNumKeypoints = 100;
 
 Eigen::Quaterniond Rotation(double angle_rad) {
   return Eigen::Quaterniond(
@@ -49,7 +51,9 @@ Component ExactComponent() {
       pair.cam2_from_cam1.translation /= DepthScale(i);
       pair.scale_1_from_2 = DepthScale(j) / DepthScale(i);
       pair.num_matches = 110;
-      pair.inlier_matches.resize(100);
+      for (colmap::point2D_t k = 0; k < kNumKeypoints; ++k) {
+        pair.inlier_matches.emplace_back(k, k);
+      }
     }
   }
   return component;
@@ -57,8 +61,14 @@ Component ExactComponent() {
 
 Scene SceneOf(const Component& component) {
   Scene scene;
+  colmap::Camera& camera = scene.cameras[1];
+  camera.InitializeWithName("SIMPLE_PINHOLE", 500, 640, 480);
   for (const colmap::image_t image_id : component.image_ids) {
-    scene.images[image_id].SetName(std::to_string(image_id) + ".jpg");
+    colmap::Image& image = scene.images[image_id];
+    image.SetName(std::to_string(image_id) + ".jpg");
+    image.SetCameraId(1);
+    image.SetPoints2D(
+        std::vector<Eigen::Vector2d>(kNumKeypoints, Eigen::Vector2d(320, 240)));
   }
   return scene;
 }
@@ -72,7 +82,7 @@ TEST(AverageComponentRotations, TakesOutWrongPairs) {
   PairGeometry& wrong = PairOf(&component, 2, 4);
   wrong.cam2_from_cam1.rotation = Rotation(0.5) * wrong.cam2_from_cam1.rotation;
   const auto result = AverageComponentRotations(
-      {}, Scene(), {}, {}, component.image_ids, &component.pairs);
+      {}, Scene(), {}, component.image_ids, 1, &component.pairs);
   ASSERT_TRUE(result);
   EXPECT_EQ(result->image_ids, component.image_ids);
   EXPECT_EQ(result->num_pairs_filtered, 1);
@@ -99,8 +109,8 @@ TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
   const auto result = AverageComponentRotations(options,
                                                 SceneOf(component),
                                                 {},
-                                                {},
                                                 component.image_ids,
+                                                /*num_threads=*/1,
                                                 &component.pairs);
   ASSERT_TRUE(result);
   size_t num_images = result->image_ids.size();
@@ -150,7 +160,7 @@ TEST(AverageComponentRotations, GravityOfRigsStraightensAStreet) {
   const auto bend_deg = [&](const PosePriors& priors) {
     scene.pose_priors = priors;
     const auto result = AverageComponentRotations(
-        options, scene, {}, frames, component.image_ids, &component.pairs);
+        options, scene, frames, component.image_ids, 1, &component.pairs);
     EXPECT_EQ(result->num_gravities, priors.size());
     return result->cam_from_world.front().angularDistance(
                result->cam_from_world[2 * kNumFrames - 2]) *
