@@ -157,8 +157,8 @@ std::vector<JudgedRotation> JudgeRotations(
   return judged;
 }
 
-// Whether rotations cost less than the average: clearly less, or by the pairs
-// that they take out as well, which do not depend on depth maps being right.
+// Whether rotations cost less than the average: clearly less, or without
+// missing matches as well, which bad intrinsics and motions of pairs make up.
 bool AreBetter(const std::vector<JudgedRotation>& judged,
                double max_error_rad,
                const std::vector<Eigen::Quaterniond>& average,

@@ -123,6 +123,25 @@ TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
   }
 }
 
+// The rig says that its cameras look the same way, which the pairs contradict:
+// there is one rotation, whatever they say.
+TEST(AverageComponentRotations, OneFrameHasNothingToTurn) {
+  Component component = ExactComponent();
+  FrameMembers frames;
+  for (const colmap::image_t image_id : component.image_ids) {
+    frames[image_id].frame_id = 1;
+  }
+  const auto result = AverageComponentRotations({},
+                                                SceneOf(component),
+                                                frames,
+                                                component.image_ids,
+                                                /*num_threads=*/1,
+                                                &component.pairs);
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->image_ids, component.image_ids);
+  EXPECT_GT(result->num_pairs_filtered, 3);
+}
+
 // A street whose images look ahead and pitch 2 degrees more from one to the
 // next by their pairs, but are level by gravity. Each two are a rig, whose
 // second camera is rolled: its gravity counts through its pose in the rig.
