@@ -13,6 +13,8 @@ namespace {
 
 // Moves from each start. Twins take up to three.
 constexpr int kMaxNumMoves = 10;
+// Turns below are asked for by pairs that are inaccurate [max_error_rad].
+constexpr double kMinTurn = 3;
 // Outliers from which groups grow, of each turn.
 constexpr int kMaxNumSeeds = 100;
 // Nodes by which groups grow on without lowering the cost.
@@ -49,11 +51,11 @@ double CostOf(const JudgedRotation& edge, bool is_outlier) {
 std::vector<int> FindSeeds(const Edges& edges,
                            double max_error_rad,
                            const Rotations& rotations) {
-  const std::vector<char> is_outlier =
-      FindOutliers(edges, max_error_rad, rotations);
+  const std::vector<char> is_far_off =
+      FindOutliers(edges, kMinTurn * max_error_rad, rotations);
   std::vector<int> seeds;
   for (int e = 0; e < int(edges.size()); ++e) {
-    if (is_outlier[e]) seeds.push_back(e);
+    if (is_far_off[e]) seeds.push_back(e);
   }
   std::stable_sort(seeds.begin(), seeds.end(), [&](int e, int f) {
     return edges[e].cost_if_outlier > edges[f].cost_if_outlier;

@@ -25,9 +25,11 @@ constexpr double kStrongProbability = 0.9;
 constexpr int kMinNumStrongOutliers = 3;
 // Missing matches below this are within what true pairs show [nat].
 constexpr double kMaxMissingMatches = 12;
-// Cost over that of the average up to which rotations may take out more pairs:
-// on photos, those that take out true ones come to 0.37 and more.
+// Cost over that of the average, with and without missing matches, up to which
+// rotations may take out more than the average does. On photos, those that take
+// out true pairs come to 0.33 and 3.0.
 constexpr double kMaxCostRatio = 0.3;
+constexpr double kMaxOutlierCostRatio = 3;
 // Inliers of look-alikes have one cause, which pairs share: their evidence
 // counts less than that of missing matches.
 constexpr double kOutlierCostFactor = 0.25;
@@ -163,17 +165,19 @@ bool AreBetter(const std::vector<JudgedRotation>& judged,
                double max_error_rad,
                const std::vector<Eigen::Quaterniond>& average,
                const std::vector<Eigen::Quaterniond>& rotations) {
-  std::vector<JudgedRotation> by_inliers = judged;
-  for (JudgedRotation& rotation : by_inliers) rotation.cost_if_kept = 0;
-  const auto cost_ratio = [&](const std::vector<JudgedRotation>& pairs) {
+  std::vector<JudgedRotation> outliers = judged;
+  for (JudgedRotation& rotation : outliers) rotation.cost_if_kept = 0;
+  const auto ratio_of = [&](const std::vector<JudgedRotation>& pairs) {
     return CostOfRotations(pairs, max_error_rad, rotations) /
            CostOfRotations(pairs, max_error_rad, average);
   };
-  const double ratio = cost_ratio(judged);
-  const double ratio_by_inliers = cost_ratio(by_inliers);
-  VLOG(1) << "Groups of images turned: cost " << ratio
-          << " of the average's, without missing matches " << ratio_by_inliers;
-  return ratio < kMaxCostRatio || (ratio < 1 && ratio_by_inliers < 1);
+  const double cost_ratio = ratio_of(judged);
+  const double outlier_ratio = ratio_of(outliers);
+  VLOG(1) << "Groups of images turned: cost " << cost_ratio
+          << " of the average's, that of outliers " << outlier_ratio;
+  return outlier_ratio < 1 ? cost_ratio < 1
+                           : outlier_ratio < kMaxOutlierCostRatio &&
+                                 cost_ratio < kMaxCostRatio;
 }
 
 // The average, or rotations that cost less.

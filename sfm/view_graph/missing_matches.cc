@@ -24,8 +24,10 @@ constexpr double kMinRayAngleDeg = 3.0;
 constexpr int kMaxNumOtherViews = 8;
 // Features next to the border may be outside the other image [of its size].
 constexpr double kBorder = 0.05;
-// Parts of the common area along each side.
-constexpr int kGridSize = 4;
+// Parts of the common area along each side, at most, and features that a part
+// should have on average.
+constexpr int kMaxGridSize = 4;
+constexpr double kMeanNumFeatures = 16;
 // Features that a part needs to be judged.
 constexpr int kMinNumFeatures = 8;
 // Share of features that are matched by accident where nothing is the same.
@@ -45,7 +47,7 @@ struct Part {
   int num_features = 0;
   int num_matched = 0;
 };
-using Parts = std::array<Part, kGridSize * kGridSize>;
+using Parts = std::array<Part, kMaxGridSize * kMaxGridSize>;
 
 // Feature of an image where it is in another [size of that].
 struct SeenFeature {
@@ -60,12 +62,16 @@ Parts CountByPart(const std::vector<SeenFeature>& features) {
   Eigen::AlignedBox2d area;
   for (const SeenFeature& feature : features) area.extend(feature.xy);
   if (area.isEmpty() || !(area.sizes().minCoeff() > 0)) return parts;
+  const int grid_size =
+      std::clamp(int(std::sqrt(double(features.size()) / kMeanNumFeatures)),
+                 1,
+                 kMaxGridSize);
   for (const SeenFeature& feature : features) {
     const Eigen::Vector2d in_area =
         (feature.xy - area.min()).cwiseQuotient(area.sizes());
     const Eigen::Vector2i cell =
-        (kGridSize * in_area).cast<int>().cwiseMin(kGridSize - 1);
-    Part& part = parts[cell.y() * kGridSize + cell.x()];
+        (grid_size * in_area).cast<int>().cwiseMin(grid_size - 1);
+    Part& part = parts[cell.y() * kMaxGridSize + cell.x()];
     ++part.num_features;
     part.num_matched += feature.matched;
   }
