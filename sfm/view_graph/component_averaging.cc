@@ -113,7 +113,8 @@ int CountStrongOutliers(const RotationAverage& average,
   return num_strong;
 }
 
-// Images that follow each other by name, the smaller index first.
+// Images that follow each other by name, or with one in between; the smaller
+// index first.
 std::set<std::pair<int, int>> ConsecutiveImages(const Scene& scene,
                                                 const ImageIndex& index) {
   std::vector<std::pair<std::string, int>> names;
@@ -123,7 +124,10 @@ std::set<std::pair<int, int>> ConsecutiveImages(const Scene& scene,
   std::sort(names.begin(), names.end());
   std::set<std::pair<int, int>> consecutive;
   for (size_t k = 1; k < names.size(); ++k) {
-    consecutive.insert(std::minmax(names[k - 1].second, names[k].second));
+    for (const size_t step : {1, 2}) {
+      if (step > k) continue;
+      consecutive.insert(std::minmax(names[k - step].second, names[k].second));
+    }
   }
   return consecutive;
 }
