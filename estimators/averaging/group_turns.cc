@@ -15,7 +15,7 @@ namespace {
 constexpr int kMaxNumMoves = 10;
 // Turns below are asked for by pairs that are inaccurate [max_error_rad].
 constexpr double kMinTurn = 3;
-// Outliers from which groups grow, of each turn.
+// Outliers from which groups grow, for each move.
 constexpr int kMaxNumSeeds = 100;
 // Nodes by which groups grow on without lowering the cost.
 constexpr size_t kMaxNumNodesInVain = 1000;
@@ -158,7 +158,7 @@ class GroupGrowth {
   const double max_error_rad_;
   const Rotations& rotations_;
   std::vector<std::vector<int>> edges_at_;
-  // Of the group that grows:
+  // The growth from one outlier uses what follows.
   Eigen::Quaterniond turn_;
   std::vector<NodeState> states_;
   // Changes of the cost by one more node.

@@ -34,13 +34,14 @@ double CostOfRotations(const std::vector<JudgedRotation>& judged,
                        double max_error_rad,
                        const std::vector<Eigen::Quaterniond>& rotations);
 
-// Rotations whose cost is lower than that of the given ones, which are a local
-// minimum, or those. Each move turns the nodes of a group by one rotation T
-// about the axes of the world, R_i <- R_i T, which outliers ask for that lead
-// into the group, and averages what is no outlier then, without the others. The
-// groups grow from such an outlier by the node that lowers the cost most or
-// raises it least (Fiduccia and Mattheyses 1982, without their balance).
-// Gauge: the rotation of fixed_node stays. Deterministic.
+// Rotations whose cost is lower than that of the given ones, or the given ones.
+// Moves start from these and from a spanning tree of the edges with most
+// evidence. Each move turns the nodes of a group by one rotation T about the
+// axes of the world, R_i <- R_i T, and then averages the edges that are no
+// outliers. T makes an outlier right that is off by at least three times
+// max_error_rad. The group grows from its second node by the node that lowers
+// the cost most or raises it least (Fiduccia and Mattheyses 1982, without their
+// balance). Gauge: the rotation of fixed_node stays. Deterministic.
 std::vector<Eigen::Quaterniond> TurnGroups(
     const std::vector<JudgedRotation>& judged,
     double max_error_rad,

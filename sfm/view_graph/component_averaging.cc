@@ -132,9 +132,9 @@ std::set<std::pair<int, int>> ConsecutiveImages(const Scene& scene,
   return consecutive;
 }
 
-// The pairs between different nodes with what speaks for each, its inliers, and
-// against it, matches that it misses. Photos are mostly taken next to those
-// before and after them: the evidence of such pairs counts in full.
+// The pairs between different nodes, each with the evidence of its inliers for
+// it and that of missing matches against it. Photos are mostly taken next to
+// those before and after them: the evidence of such pairs counts in full.
 std::vector<JudgedRotation> JudgeRotations(
     const Scene& scene,
     const ImageIndex& index,

@@ -22,8 +22,7 @@ struct ComponentAveragingOptions {
   // max_rotation_error_deg after each [deg].
   int num_rotation_averaging_rounds = 2;
   double max_rotation_error_deg = 10.0;
-  // Whether averages that keep strong outliers are not tried, see
-  // AverageComponentRotations.
+  // Whether groups of images do not turn, see AverageComponentRotations.
   bool skip_alternatives = false;
   GravityRefinementOptions gravity;
   GraphAveragingOptions scale_averaging;

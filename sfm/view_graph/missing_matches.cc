@@ -1,6 +1,5 @@
 #include "sfm/view_graph/missing_matches.h"
 
-#include "colmap_ext/parallel.h"
 #include "sfm/view_graph/pair_views.h"
 
 #include <algorithm>
@@ -141,26 +140,20 @@ class ViewingImage {
   ViewingImage(const Scene& scene,
                const ImageIndex& index,
                const std::vector<IndexedPair>& pairs,
-               const std::vector<int>& pairs_of_image,
-               int image)
+               int image,
+               const std::vector<PairView>& views)
       : scene_(scene),
         index_(index),
         pairs_(pairs),
         image_(image),
-        views_(ViewsOfImage(scene, index, pairs, pairs_of_image, image)),
+        views_(views),
         num_views_(scene.images.at(index.IdOf(image)).NumPoints2D(), 0) {
     for (const PairView& view : views_) {
       for (const ViewedPoint& point : view.points) {
         ++num_views_[point.point2D_idx];
       }
     }
-    std::stable_sort(
-        views_.begin(), views_.end(), [](const auto& a, const auto& b) {
-          return a.points.size() > b.points.size();
-        });
   }
-
-  const std::vector<PairView>& Views() const { return views_; }
 
   // Evidence that the other image of a view shows another place.
   double EvidenceAgainst(const PairView& view) const {
@@ -181,8 +174,6 @@ class ViewingImage {
  private:
   // Features that other pairs match, in units of the baseline of this one.
   std::vector<Feature> FeaturesIn(const PairView& view) const {
-    const colmap::Image& image = scene_.images.at(index_.IdOf(image_));
-    const colmap::Camera& camera = scene_.cameras.at(image.CameraId());
     const IndexedPair& indexed = pairs_[size_t(view.pair)];
     std::vector<char> is_matched(num_views_.size(), false);
     for (const colmap::FeatureMatch& match : indexed.pair->inlier_matches) {
@@ -192,16 +183,17 @@ class ViewingImage {
     std::vector<char> is_added(num_views_.size(), false);
     std::vector<Feature> features;
     const auto add = [&](const PairView& other, double log_scale) {
-      for (const auto& [idx, log_depth, ray_angle_rad] : other.points) {
+      for (const ViewedPoint& point : other.points) {
+        const colmap::point2D_t idx = point.point2D_idx;
         if (is_added[idx] || num_views_[idx] <= int(is_matched[idx]) ||
-            (&other != &view && ray_angle_rad < kMinRayAngleDeg * M_PI / 180)) {
+            (&other != &view &&
+             point.ray_angle_rad < kMinRayAngleDeg * M_PI / 180)) {
           continue;
         }
         is_added[idx] = true;
-        features.push_back(
-            {std::exp(log_depth + log_scale) *
-                 camera.ImageToWorld(image.Point2D(idx).XY()).homogeneous(),
-             bool(is_matched[idx])});
+        features.push_back({std::exp(point.log_depth + log_scale) *
+                                point.normalized_point.homogeneous(),
+                            bool(is_matched[idx])});
       }
     };
     add(view, 0);
@@ -220,8 +212,7 @@ class ViewingImage {
   const ImageIndex& index_;
   const std::vector<IndexedPair>& pairs_;
   const int image_;
-  // Those with most points first.
-  std::vector<PairView> views_;
+  const std::vector<PairView>& views_;
   // By key point.
   std::vector<int> num_views_;
 };
@@ -233,18 +224,21 @@ std::vector<double> EvidenceOfMissingMatches(
     const ImageIndex& index,
     const std::vector<IndexedPair>& pairs,
     int num_threads) {
-  const std::vector<std::vector<int>> pairs_of_images =
-      PairsOfImages(index, pairs);
   // By the first and by the second image of each pair.
   std::vector<std::array<double, 2>> evidence(pairs.size(), {0, 0});
-  ParallelFor(pairs_of_images.size(), num_threads, [&](size_t image) {
-    const ViewingImage viewing(
-        scene, index, pairs, pairs_of_images[image], int(image));
-    for (const PairView& view : viewing.Views()) {
-      const bool is_second = pairs[size_t(view.pair)].image2 == int(image);
-      evidence[size_t(view.pair)][is_second] = viewing.EvidenceAgainst(view);
-    }
-  });
+  VisitViews(scene,
+             index,
+             pairs,
+             num_threads,
+             [&](int image, const std::vector<PairView>& views) {
+               const ViewingImage viewing(scene, index, pairs, image, views);
+               for (const PairView& view : views) {
+                 const bool is_second =
+                     pairs[size_t(view.pair)].image2 == image;
+                 evidence[size_t(view.pair)][is_second] =
+                     viewing.EvidenceAgainst(view);
+               }
+             });
   // A passer-by hides features in one of the images only.
   std::vector<double> of_pairs;
   for (const auto& [by_first, by_second] : evidence) {

@@ -1,6 +1,5 @@
 #include "sfm/view_graph/pair_lengths.h"
 
-#include "colmap_ext/parallel.h"
 #include "estimators/averaging/graph.h"
 #include "estimators/averaging/scale_averaging.h"
 #include "estimators/median.h"
@@ -20,20 +19,9 @@ namespace {
 // Ratios of a pair to stronger ones at each of its images, at most.
 constexpr int kMaxNumRatios = 4;
 
-// Ratios of the lengths of pairs at an image that they share.
-std::vector<RelativeLogScale> RatiosAtImage(
-    const Scene& scene,
-    const ImageIndex& index,
-    const std::vector<IndexedPair>& pairs,
-    const std::vector<int>& pairs_of_image,
-    int image) {
-  std::vector<PairView> views =
-      ViewsOfImage(scene, index, pairs, pairs_of_image, image);
-  // Those with most points first.
-  std::stable_sort(
-      views.begin(), views.end(), [](const auto& a, const auto& b) {
-        return a.points.size() > b.points.size();
-      });
+// Ratios of the lengths of pairs by their views at an image that they share.
+std::vector<RelativeLogScale> RatiosOfViews(
+    const std::vector<PairView>& views) {
   std::vector<RelativeLogScale> ratios;
   for (size_t i = 0; i < views.size(); ++i) {
     int num_ratios = 0;
@@ -48,20 +36,19 @@ std::vector<RelativeLogScale> RatiosAtImage(
   return ratios;
 }
 
-// Views are made of one image at a time: those of all would take as much memory
-// as the matches.
 std::vector<RelativeLogScale> RatiosOfLengths(
     const Scene& scene,
     const ImageIndex& index,
     const std::vector<IndexedPair>& pairs,
     int num_threads) {
-  const std::vector<std::vector<int>> pairs_of_images =
-      PairsOfImages(index, pairs);
   std::vector<std::vector<RelativeLogScale>> ratios_at_images(index.Size());
-  ParallelFor(ratios_at_images.size(), num_threads, [&](size_t image) {
-    ratios_at_images[image] =
-        RatiosAtImage(scene, index, pairs, pairs_of_images[image], int(image));
-  });
+  VisitViews(scene,
+             index,
+             pairs,
+             num_threads,
+             [&](int image, const std::vector<PairView>& views) {
+               ratios_at_images[image] = RatiosOfViews(views);
+             });
   std::vector<RelativeLogScale> ratios;
   for (const auto& at_image : ratios_at_images) {
     ratios.insert(ratios.end(), at_image.begin(), at_image.end());

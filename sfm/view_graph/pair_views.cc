@@ -1,5 +1,6 @@
 #include "sfm/view_graph/pair_views.h"
 
+#include "colmap_ext/parallel.h"
 #include "estimators/median.h"
 #include "estimators/solvers/epipolar.h"
 
@@ -72,6 +73,7 @@ PairView ViewOfPair(const Scene& scene,
         IntersectRays(model, is_first ? x : other_x, is_first ? other_x : x);
     if (!point || point->angle_rad < kMinRayAngleDeg * M_PI / 180) continue;
     view.points.push_back({point2D_idx,
+                           x,
                            std::log(is_first ? point->depth1 : point->depth2),
                            point->angle_rad});
   }
@@ -86,28 +88,30 @@ PairView ViewOfPair(const Scene& scene,
 
 }  // namespace
 
-std::vector<std::vector<int>> PairsOfImages(
-    const ImageIndex& index, const std::vector<IndexedPair>& pairs) {
+void VisitViews(
+    const Scene& scene,
+    const ImageIndex& index,
+    const std::vector<IndexedPair>& pairs,
+    int num_threads,
+    const std::function<void(int, const std::vector<PairView>&)>& visit) {
   std::vector<std::vector<int>> pairs_of_images(index.Size());
   for (size_t i = 0; i < pairs.size(); ++i) {
     pairs_of_images[pairs[i].image1].push_back(int(i));
     pairs_of_images[pairs[i].image2].push_back(int(i));
   }
-  return pairs_of_images;
-}
-
-std::vector<PairView> ViewsOfImage(const Scene& scene,
-                                   const ImageIndex& index,
-                                   const std::vector<IndexedPair>& pairs,
-                                   const std::vector<int>& pairs_of_image,
-                                   int image) {
-  NormalizedPoints points(scene, scene.images.at(index.IdOf(image)));
-  std::vector<PairView> views;
-  for (const int i : pairs_of_image) {
-    views.push_back(ViewOfPair(scene, index, pairs[i], image, &points));
-    views.back().pair = i;
-  }
-  return views;
+  ParallelFor(pairs_of_images.size(), num_threads, [&](size_t image) {
+    NormalizedPoints points(scene, scene.images.at(index.IdOf(int(image))));
+    std::vector<PairView> views;
+    for (const int i : pairs_of_images[image]) {
+      views.push_back(ViewOfPair(scene, index, pairs[i], int(image), &points));
+      views.back().pair = i;
+    }
+    std::stable_sort(
+        views.begin(), views.end(), [](const auto& a, const auto& b) {
+          return a.points.size() > b.points.size();
+        });
+    visit(int(image), views);
+  });
 }
 
 std::optional<double> LogRatio(const PairView& view1, const PairView& view2) {

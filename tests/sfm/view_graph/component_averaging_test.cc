@@ -123,8 +123,8 @@ TEST(AverageComponentRotations, ReturnsPartsThatAreCutOff) {
   }
 }
 
-// The rig says that its cameras look the same way, which the pairs contradict:
-// there is one rotation, whatever they say.
+// The cameras of the rig look the same way, and the pairs contradict it: one
+// frame has one rotation all the same.
 TEST(AverageComponentRotations, OneFrameHasNothingToTurn) {
   Component component = ExactComponent();
   FrameMembers frames;
