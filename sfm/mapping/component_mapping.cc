@@ -22,7 +22,7 @@ namespace {
 // Median angle between the outermost rays of tracks up to which a start from
 // one centre is tried, and up to which there is little parallax whichever start
 // is better [deg].
-constexpr double kMaxRayAngleDeg = 4;
+constexpr double kMaxRayAngleDeg = 6;
 constexpr double kLittleRayAngleDeg = 2.5;
 
 // Why an image whose pairs give it a rotation has no position.

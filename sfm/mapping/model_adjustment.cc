@@ -3,6 +3,7 @@
 #include "sfm/mapping/model_access.h"
 #include "sfm/mapping/model_refinement.h"
 #include "sfm/mapping/rig_model.h"
+#include "sfm/mapping/shared_center.h"
 
 #include <algorithm>
 
@@ -13,6 +14,8 @@ namespace {
 // Relative decrease by an iteration that ends adjustments before the model is
 // complete.
 constexpr double kPreliminaryFunctionTolerance = 1e-4;
+// Factor of that of all others where there is little parallax.
+constexpr double kToleranceFactorInValleys = 1e-4;
 
 }  // namespace
 
@@ -35,6 +38,13 @@ RigConstraints CurrentRigs(const MappingContext& context,
   current.frames =
       MembersOf(CalibrateRigs(rigs.refined_cameras, model, context.scene.rigs));
   return current;
+}
+
+void FollowValleys(const ModelInProgress& progress,
+                   BundleAdjustmentOptions* adjustment) {
+  if (progress.has_little_parallax) {
+    adjustment->function_tolerance *= kToleranceFactorInValleys;
+  }
 }
 
 std::optional<double> Adjust(const MappingContext& context,
@@ -60,12 +70,15 @@ bool AdjustModel(const MappingContext& context,
   if (options.skip_bundle_adjustment) return true;
   const int num_rounds = options.refinement.num_bundle_adjustment_rounds;
   BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
-  if (options.HasFinalAdjustment()) {
+  if (progress->has_little_parallax) {
+    FollowValleys(*progress, &adjustment);
+  } else if (options.HasFinalAdjustment()) {
     adjustment.function_tolerance =
         std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
   }
   for (int round = 0; round < num_rounds; ++round) {
     StageTimer timer("bundle_adjustment");
+    if (progress->has_little_parallax) MoveStuckPoints(&model);
     const std::optional<double> rms = Adjust(context,
                                              adjustment,
                                              progress->beliefs,

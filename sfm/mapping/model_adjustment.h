@@ -16,6 +16,11 @@ RigConstraints CurrentRigs(const MappingContext& context,
                            const RigConstraints& rigs,
                            const colmap::Reconstruction& model);
 
+// Tightens the tolerance of adjustments of a model with little parallax, whose
+// cost falls slowly along valleys.
+void FollowValleys(const ModelInProgress& progress,
+                   BundleAdjustmentOptions* adjustment);
+
 // AdjustBundle with the constraints of the rigs as the model has them.
 std::optional<double> Adjust(const MappingContext& context,
                              const BundleAdjustmentOptions& adjustment,

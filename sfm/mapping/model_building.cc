@@ -6,6 +6,7 @@
 #include "sfm/mapping/model_refinement.h"
 #include "sfm/mapping/one_center_start.h"
 #include "sfm/mapping/rig_model.h"
+#include "sfm/mapping/shared_center.h"
 
 #include <algorithm>
 #include <memory>
@@ -210,6 +211,7 @@ size_t AdjustAgain(const MappingContext& context,
                    double tolerance_factor) {
   BundleAdjustmentOptions adjustment = FinalAdjustment(context, *progress);
   adjustment.function_tolerance *= tolerance_factor;
+  if (progress->has_little_parallax) MoveStuckPoints(&progress->model);
   const std::optional<double> rms = Adjust(context,
                                            adjustment,
                                            progress->beliefs,
@@ -264,6 +266,7 @@ BundleAdjustmentOptions FinalAdjustment(const MappingContext& context,
                                         const ModelInProgress& progress) {
   const DepthGlobalMapperOptions& options = context.options;
   BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
+  FollowValleys(progress, &adjustment);
   adjustment.loss_scale_px = progress.final_loss_scales.soft_l1_px;
   adjustment.cauchy_scale_px = progress.final_loss_scales.cauchy_px;
   adjustment.intrinsics.refine_principal_point =

@@ -306,8 +306,11 @@ void CompleteTracks(const MappingContext& context,
   }
   // The last adjustment must be one without the observations that it has
   // shown to be wrong: all of them may pull at one camera.
-  for (int round = 0; round < kMaxNumFinalRounds &&
-                      IsShareOf(model, kMinFilteredShare, num_filtered);
+  // Few of them bend a model with little parallax.
+  const double min_filtered_share =
+      progress->has_little_parallax ? 0 : kMinFilteredShare;
+  for (int round = 0; round < kMaxNumFinalRounds && num_filtered > 0 &&
+                      IsShareOf(model, min_filtered_share, num_filtered);
        ++round) {
     StageTimer timer("final_adjustment");
     num_filtered = AdjustAgain(context, progress, &timer);

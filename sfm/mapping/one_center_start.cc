@@ -93,6 +93,7 @@ bool AdjustFromOneCenter(const MappingContext& context,
   adjustment.function_tolerance = kGrowthFunctionTolerance;
   colmap::Reconstruction grown =
       GrowFromOneCenter(progress->model, [&](colmap::Reconstruction* model) {
+        MoveStuckPoints(model);
         if (!Adjust(context, adjustment, beliefs, progress->rigs, {}, model)) {
           return -1.0;
         }

@@ -20,6 +20,8 @@ namespace {
 constexpr double kMaxShareWithoutParallax = 0.8;
 // How much more than expected one centre may cost, over what is expected.
 constexpr double kMaxExcessRatio = 2;
+// Distance over that of the median point, or the inverse, of stuck points.
+constexpr double kMinStuckRatio = 20;
 // Centres nearer than this are the same [median distance of points].
 constexpr double kMaxSpreadRatio = 1e-6;
 
@@ -72,6 +74,15 @@ double DistanceByDepth(const KeypointDepthMap& depths,
     }
   }
   return distances.empty() ? 0 : Median(distances);
+}
+
+Eigen::Vector3d MeanCenter(const ImageCenters& centers,
+                           const colmap::Track& track) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const colmap::TrackElement& element : track.Elements()) {
+    sum += centers.at(element.image_id);
+  }
+  return sum / double(track.Length());
 }
 
 // Points of a model that no two images see under this angle, as share of all.
@@ -144,6 +155,32 @@ size_t PlaceAtDepth(const KeypointDepthMap& depths,
     point.SetXYZ((distance > 0 ? distance : median) * point.XYZ().normalized());
   }
   return known.size();
+}
+
+size_t MoveStuckPoints(colmap::Reconstruction* model) {
+  const ImageCenters centers = CentersOf(*model);
+  std::map<colmap::point3D_t, double> distances;
+  std::vector<double> values;
+  for (const auto& [point_id, point] : model->Points3D()) {
+    const double distance =
+        (point.XYZ() - MeanCenter(centers, point.Track())).norm();
+    distances[point_id] = distance;
+    values.push_back(distance);
+  }
+  if (values.empty()) return 0;
+  const double median = Median(std::move(values));
+  size_t num_moved = 0;
+  for (const auto& [point_id, distance] : distances) {
+    if (distance < kMinStuckRatio * median &&
+        distance * kMinStuckRatio > median) {
+      continue;
+    }
+    colmap::Point3D& point = model->Point3D(point_id);
+    point.SetXYZ(MeanCenter(centers, point.Track()) +
+                 median * MeanRay(RaysOf(*model, point.Track())));
+    ++num_moved;
+  }
+  return num_moved;
 }
 
 bool IsAtOneCenter(const colmap::Reconstruction& model) {

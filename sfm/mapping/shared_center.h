@@ -39,6 +39,12 @@ size_t PlaceAtDepth(const KeypointDepthMap& depths,
                     const ImageScales& scales,
                     colmap::Reconstruction* model);
 
+// Moves points that are much nearer to the images that see them than the median
+// point, or much farther away, to its distance along the mean of their rays:
+// adjustments leave them where they are, as their projections hardly depend on
+// their distance any more. Returns the number of points moved.
+size_t MoveStuckPoints(colmap::Reconstruction* model);
+
 // Whether all registered images, at least two, have the same centre, up to
 // rounding.
 bool IsAtOneCenter(const colmap::Reconstruction& model);
