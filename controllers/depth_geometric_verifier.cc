@@ -132,10 +132,7 @@ void BindVerification(PairVerificationOptions* options,
            "matches that a pair must keep")
       .Add("min_inlier_ratio",
            &options->min_inlier_ratio,
-           "share of its matches that a pair must keep [1]")
-      .Add("max_scale_ratio",
-           &options->max_scale_ratio,
-           "largest plausible ratio of depth scales, either way [1]");
+           "share of its matches that a pair must keep [1]");
   command_options->Add(
       "random_seed", &options->random_seed, "seed of all random numbers");
   command_options->Add(

@@ -92,6 +92,21 @@ uint64_t SourceFingerprint(const DepthFile& file,
   return hash.Value();
 }
 
+// Depths beyond what is stored would come out flat, and such units leave models
+// that lose digits.
+void CheckIsStorable(const DepthMapStatistics& statistics) {
+  if (statistics.max == 0 || (statistics.median >= kMinStorableDepth &&
+                              statistics.median <= kMaxStorableDepth)) {
+    return;
+  }
+  std::ostringstream text;
+  text << std::setprecision(3) << "its median depth is " << statistics.median
+       << ", and depths are stored from " << kMinStorableDepth << " to "
+       << std::setprecision(5) << kMaxStorableDepth
+       << ": give another --depth_scale";
+  throw std::runtime_error(text.str());
+}
+
 ImageDepth ReadImageDepth(const DepthFile& file,
                           const std::vector<Eigen::Vector2d>& keypoints,
                           const colmap::Camera& camera,
@@ -122,6 +137,7 @@ ImageDepth ReadImageDepth(const DepthFile& file,
     result.summary.median_depth = Median(std::move(known_depths));
   }
   const DepthMapStatistics statistics = MeasureDepthMap(depth_map);
+  if (!is_affine) CheckIsStorable(statistics);
   result.summary.oddities = FindOddities(statistics, options.reading);
   result.summary.lower_to_upper = statistics.lower_to_upper;
   result.summary.focal_length_px = imported.focal_length_px;

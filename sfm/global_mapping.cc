@@ -21,6 +21,8 @@ namespace dgsfm {
 
 namespace {
 
+constexpr const char* kNotConnected = "not connected to the largest model";
+
 void SetReason(const ImageIds& image_ids,
                const std::string& reason,
                std::map<colmap::image_t, std::string>* reasons) {
@@ -140,7 +142,6 @@ void MapComponents(const MappingContext& context,
                    MappingLog* log) {
   const DepthGlobalMapperOptions& options = context.options;
   std::vector<ImageIds> components = ConnectedImages(*pairs, context.frames);
-  if (!options.multiple_models && components.size() > 1) components.resize(1);
   for (size_t i = 0; i < components.size(); ++i) {
     // A copy: parts that are cut off are appended below, which moves the list.
     const ImageIds image_ids = components[i];
@@ -151,6 +152,10 @@ void MapComponents(const MappingContext& context,
                 &result->unregistered_images);
       continue;
     }
+    if (i > 0 && !options.multiple_models) {
+      SetReason(image_ids, kNotConnected, &result->unregistered_images);
+      continue;
+    }
     const bool measure_repeatability =
         options.measure_repeatability && !result->repeatability;
     MappedComponent mapped =
@@ -159,9 +164,7 @@ void MapComponents(const MappingContext& context,
       if (options.multiple_models) {
         components.push_back(part);
       } else {
-        SetReason(part,
-                  "not connected to the largest model",
-                  &result->unregistered_images);
+        SetReason(part, kNotConnected, &result->unregistered_images);
       }
     }
     AddComponent(std::move(mapped.result), result);

@@ -117,14 +117,13 @@ std::vector<float> SampleAffine(const DepthMap& depth_map,
 }
 
 DepthMap StorableAffine(DepthMap depth_map) {
-  // The normal numbers of half precision.
-  constexpr float kMinHalf = 1.0f / (1 << 14);
-  constexpr float kMaxHalf = 65504;
   constexpr double kLowest = 1;
   constexpr double kHighest = 32768;
   DGSFM_CHECK(IsAffine(depth_map.unit));
   const Range range = RangeOf(depth_map.values);
-  if (range.min >= kMinHalf && range.max <= kMaxHalf) return depth_map;
+  if (range.min >= kMinStorableDepth && range.max <= kMaxStorableDepth) {
+    return depth_map;
+  }
   const double spread = std::max(double(range.max) - double(range.min), 1e-30);
   for (float& value : depth_map.values) {
     if (value == 0) continue;

@@ -19,7 +19,6 @@
 namespace dgsfm {
 namespace {
 
-constexpr float kMaxHalf = 65504;
 constexpr uint16_t kMaxHalfBits = 0x7bff;
 constexpr uint16_t kMinHalfBits = 0x0001;
 // Deflate cannot expand a byte into more than this (zlib's technical notes).
@@ -40,8 +39,8 @@ void CheckIsWellFormed(const DepthMap& depth_map) {
 }
 
 uint16_t PackAnyHalf(float depth) {
-  const uint16_t bits =
-      Eigen::numext::bit_cast<uint16_t>(Eigen::half(std::min(depth, kMaxHalf)));
+  const uint16_t bits = Eigen::numext::bit_cast<uint16_t>(
+      Eigen::half(std::min(depth, kMaxStorableDepth)));
   // Known depth stays known even if it underflows.
   return depth > 0 ? std::max(bits, kMinHalfBits) : bits;
 }
@@ -79,7 +78,8 @@ bool AreNormalHalfs(const float* depths, size_t size) {
   DGSFM_CHECK(min_bits >= 0 &&
               max_bits <= BitsOf(std::numeric_limits<float>::max()))
       << "a depth is negative or not finite";
-  return min_known_bits >= kMinNormalHalf - 1 && max_bits <= BitsOf(kMaxHalf);
+  return min_known_bits >= kMinNormalHalf - 1 &&
+         max_bits <= BitsOf(kMaxStorableDepth);
 }
 
 // Maps small differences of either sign to small numbers: 0 -1 1 -2 2 ... to

@@ -77,6 +77,10 @@ std::vector<float> SampleDepth(const DepthMap& depth_map,
                                int image_height,
                                const DepthSamplingOptions& options);
 
+// Depths that CompressDepth() keeps to half precision.
+constexpr float kMinStorableDepth = 1.0f / (1 << 14);
+constexpr float kMaxStorableDepth = 65504;
+
 // A depth map as the database keeps it.
 struct CompressedDepthMap {
   int width = 0;

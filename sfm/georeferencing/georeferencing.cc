@@ -1,7 +1,6 @@
 #include "sfm/georeferencing/georeferencing.h"
 
 #include "colmap_ext/pose_access.h"
-#include "estimators/median.h"
 #include "sfm/mapping/model_refinement.h"
 
 #include <algorithm>
@@ -39,19 +38,17 @@ struct DepthScaleOfModel {
 std::optional<DepthScaleOfModel> MeasureDepthScale(
     const KeypointDepthMap& depths, const colmap::Reconstruction& model) {
   std::map<colmap::image_t, double> scales;
-  std::vector<double> log_scales;
   for (const auto& [image_id, scale] : DepthScalesOfModel(depths, model)) {
     scales[image_id] = scale.scale;
-    log_scales.push_back(std::log(scale.scale));
   }
   const MeasuredUnit unit = UnitOfModel(depths, scales, model);
   if (unit.unit != ModelUnit::METRES) return std::nullopt;
   return DepthScaleOfModel{
-      std::exp(Median(log_scales)),
+      std::exp(unit.log_scale),
       std::hypot(
           kMinDepthScaleStddev,
-          unit.log_spread / std::sqrt(std::min(kMaxNumDepthMaps,
-                                               double(log_scales.size()))))};
+          unit.log_spread /
+              std::sqrt(std::min(kMaxNumDepthMaps, double(unit.num_images))))};
 }
 
 // The scale of the positions where rigs fix it: their unit is metres, too.

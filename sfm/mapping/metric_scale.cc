@@ -79,36 +79,36 @@ MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
                          const std::map<colmap::image_t, double>& depth_scales,
                          const colmap::Reconstruction& model) {
   MeasuredUnit result;
-  std::vector<double> log_scales;
-  size_t num_metric = 0;
+  std::vector<double> log_scales, metric_log_scales;
   for (const colmap::image_t image_id : model.RegImageIds()) {
     const auto scale = depth_scales.find(image_id);
     if (scale == depth_scales.end()) continue;
     log_scales.push_back(std::log(scale->second));
-    num_metric += depths.at(image_id).unit == DepthUnit::METRIC;
+    if (depths.at(image_id).unit == DepthUnit::METRIC) {
+      metric_log_scales.push_back(log_scales.back());
+    }
   }
-  result.num_images = log_scales.size();
   if (log_scales.empty()) return result;
+  const bool is_metric = !metric_log_scales.empty();
+  if (is_metric) log_scales = std::move(metric_log_scales);
+  result.num_images = log_scales.size();
   result.log_scale = Median(log_scales);
   result.log_spread = RobustStddev(log_scales, result.log_scale);
-  result.unit = 2 * num_metric > log_scales.size() && !result.IsDoubtful()
-                    ? ModelUnit::METRES
-                    : ModelUnit::DEPTH_MAPS;
+  result.unit = is_metric && !result.IsDoubtful() ? ModelUnit::METRES
+                                                  : ModelUnit::DEPTH_MAPS;
   return result;
 }
 
 MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
                              colmap::Reconstruction* model) {
-  MetricScale metric;
-  std::vector<double> log_scales;
+  std::map<colmap::image_t, double> scales;
   for (const auto& [image_id, scale] : DepthScalesOfModel(depths, *model)) {
-    log_scales.push_back(std::log(scale.scale));
+    scales[image_id] = scale.scale;
   }
-  metric.num_images = log_scales.size();
-  if (log_scales.empty()) return metric;
-  const double median = Median(log_scales);
-  metric.log_spread = RobustStddev(log_scales, median);
-  metric.factor = std::exp(-median);
+  const MeasuredUnit unit = UnitOfModel(depths, scales, *model);
+  const MetricScale metric{
+      std::exp(-unit.log_scale), unit.log_spread, unit.num_images};
+  if (metric.num_images == 0) return metric;
   model->Transform(colmap::SimilarityTransform3(
       metric.factor, Eigen::Vector4d(1, 0, 0, 0), Eigen::Vector3d::Zero()));
   return metric;

@@ -37,8 +37,9 @@ enum class ModelUnit {
 };
 std::string ModelUnitName(ModelUnit unit);
 
-// The unit by the depth scales of a model's images, and their spread: the
-// maps of one depth model are metric if their scales agree.
+// The unit by the depth scales of a model's metric maps, or of all its maps
+// where none is metric, and their spread: the maps of one depth model are
+// metric if their scales agree.
 struct MeasuredUnit {
   ModelUnit unit = ModelUnit::ARBITRARY;
   size_t num_images = 0;
@@ -56,9 +57,9 @@ MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
                          const std::map<colmap::image_t, double>& depth_scales,
                          const colmap::Reconstruction& model);
 
-// Scales the model so that the median of its depth scales is one. Returns the
-// factor applied (1 without depth) and the spread of log s_i over images
-// (1.4826 x median absolute deviation) [1].
+// Scales the model so that the median of the depth scales that give its unit
+// is one. Returns the factor applied (1 without depth) and the spread of
+// log s_i over these images (1.4826 x median absolute deviation) [1].
 struct MetricScale {
   double factor = 1;
   double log_spread = 0;

@@ -8,7 +8,7 @@ namespace {
 
 // To be raised whenever VerifyPair() gives another result for the same pair:
 // what an earlier version of the program has stored does not hold any more.
-constexpr uint32_t kVersion = 12;
+constexpr uint32_t kVersion = 13;
 
 void AddImage(const PairImage& image, FnvHash* hash) {
   hash->Add(image.image.CameraId());

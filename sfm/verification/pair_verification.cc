@@ -162,10 +162,6 @@ PairStatus JudgePair(const PairGeometry& pair,
     return PairStatus::LOW_INLIER_RATIO;
   }
   if (pair.Has(PairDegeneracy::STATIONARY)) return PairStatus::STATIONARY;
-  if (pair.has_scale && std::abs(std::log(pair.scale_1_from_2)) >
-                            std::log(options.max_scale_ratio)) {
-    return PairStatus::SCALE_OUT_OF_RANGE;
-  }
   if (pair.inlier_matches.size() < min_num_inliers) {
     return PairStatus::DEPTH_INCONSISTENT;
   }
@@ -181,7 +177,6 @@ bool PairVerificationOptions::IsValid(std::string* error) const {
       .AtLeast("min_num_inliers", min_num_inliers, 5)
       .Within("min_inlier_ratio", min_inlier_ratio, 0, 1)
       .AtLeast("depth_noise_factor", depth_noise_factor, 0)
-      .Above("max_scale_ratio", max_scale_ratio, 1)
       .AreKept();
 }
 

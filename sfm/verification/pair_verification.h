@@ -31,8 +31,6 @@ struct PairVerificationOptions {
   // its matches (paper: 15 and 0.25) [1].
   int min_num_inliers = 15;
   double min_inlier_ratio = 0.25;
-  // Depth-scale ratios beyond this factor, either way, are implausible.
-  double max_scale_ratio = 10.0;
   // Mixed into the seed of every pair.
   int random_seed = 0;
   // Threads over pairs, and of all stages of the mapper; -1 = all cores.

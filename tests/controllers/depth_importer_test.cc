@@ -84,6 +84,21 @@ class DepthImporter : public testing::Test {
   colmap::image_t image_id3_ = 0;
 };
 
+TEST_F(DepthImporter, RefusesDepthsThatItCannotStore) {
+  WriteMap("c.npy", 3);
+  for (const double scale : {1e5, 1e-6}) {
+    DepthImportOptions options;
+    options.overwrite = true;
+    options.reading.scale = scale;
+    options.reading.unit = DepthUnit::RELATIVE;
+    const DepthImportSummary summary = Import(options);
+    ASSERT_FALSE(summary.failed.empty());
+    EXPECT_THAT(summary.failed.back().reason, HasSubstr("its median depth is"));
+    EXPECT_THAT(summary.failed.back().reason,
+                HasSubstr("give another --depth_scale"));
+  }
+}
+
 TEST_F(DepthImporter, WarnsOfMillimetres) {
   const std::string warning = "warning: 1 maps hold whole numbers";
   WriteMap("sub/a.npy", 2310);

@@ -585,6 +585,9 @@ TEST(GlobalMapping, EveryComponentBecomesAModel) {
   const Outcome largest = MapSynthetic(synthetic, only_largest);
   EXPECT_EQ(largest.result.models.size(), 1);
   EXPECT_EQ(largest.result.unregistered_images.size(), 10);
+  for (const auto& [image_id, reason] : largest.result.unregistered_images) {
+    EXPECT_EQ(reason, "not connected to the largest model");
+  }
 }
 
 TEST(GlobalMapping, SceneOfTwoImagesBecomesAModel) {

@@ -50,6 +50,20 @@ TEST_F(UnitOfModelTest, IsThatOfRelativeMaps) {
   EXPECT_FALSE(unit.IsDoubtful());
 }
 
+TEST_F(UnitOfModelTest, IsThatOfMetricMapsAmongOthers) {
+  std::map<colmap::image_t, double> scales;
+  for (auto& [image_id, depths] : depths_) {
+    const bool is_metric = image_id % 3 == 0;
+    depths.unit = is_metric ? DepthUnit::METRIC : DepthUnit::AFFINE_DISPARITY;
+    scales[image_id] = is_metric ? 2 : 2e5;
+  }
+  const MeasuredUnit unit = UnitOfModel(depths_, scales, model_);
+  EXPECT_EQ(unit.unit, ModelUnit::METRES);
+  EXPECT_EQ(unit.num_images, 2);
+  EXPECT_NEAR(unit.log_scale, std::log(2.0), 1e-12);
+  EXPECT_NEAR(unit.log_spread, 0, 1e-12);
+}
+
 TEST_F(UnitOfModelTest, IsArbitraryWithoutDepth) {
   EXPECT_EQ(UnitOfModel(depths_, {}, model_).unit, ModelUnit::ARBITRARY);
 }

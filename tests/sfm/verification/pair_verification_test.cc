@@ -272,6 +272,14 @@ TEST(VerifyPair, EstimatesTheFocalLengthsThatAreNotKnown) {
   EXPECT_NEAR(geometry.focal_length1_px, 700, 7);
 }
 
+TEST(VerifyPair, KeepsPairsWhoseMapsHaveDifferentUnits) {
+  TestPair pair = CreatePair(Pinhole(true), Pinhole(true));
+  // Metres and millimetres.
+  for (float& depth : pair.depths.at(2).depths) depth *= 1000;
+  pair.scale_1_from_2 /= 1000;
+  ExpectPose(pair, Verify(pair), 0.1);
+}
+
 TEST(VerifyPair, TakesOutPairsWhoseMatchesDoNotMove) {
   TestPairOptions options;
   options.noise_px = 0;
