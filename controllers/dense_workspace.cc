@@ -14,14 +14,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kFusionList[] = "stereo/fusion.cfg";
+constexpr char kDepthMaps[] = "stereo/depth_maps/";
+constexpr char kNormalMaps[] = "stereo/normal_maps/";
+constexpr const char* kKinds[] = {".photometric.bin", ".geometric.bin"};
 
-fs::path MapPath(const std::string& workspace_path,
-                 const std::string& folder,
-                 const std::string& image_name,
-                 const std::string& kind) {
-  const fs::path path = PathInside((fs::path(workspace_path) / folder).string(),
-                                   image_name + "." + kind + ".bin");
-  CreateOutputFolder(path.parent_path().string());
+std::string CreatePath(const std::string& workspace_path,
+                       const std::string& file) {
+  const std::string path = PathInside(workspace_path, file);
+  CreateOutputFolder(fs::path(path).parent_path().string());
   return path;
 }
 
@@ -54,7 +54,16 @@ std::string WorkspaceModelPath(const std::string& workspace_path) {
 }
 
 std::string WorkspaceDepthFile(const std::string& image_name) {
-  return "stereo/depth_maps/" + image_name + ".geometric.bin";
+  return kDepthMaps + image_name + kKinds[1];
+}
+
+std::set<std::string> WorkspaceFiles(const std::string& image_name) {
+  std::set<std::string> files;
+  for (const char* kind : kKinds) {
+    files.insert(kDepthMaps + image_name + kind);
+    files.insert(kNormalMaps + image_name + kind);
+  }
+  return files;
 }
 
 void WriteWorkspaceMaps(const std::string& workspace_path,
@@ -72,12 +81,10 @@ void WriteWorkspaceMaps(const std::string& workspace_path,
     if (normals[i].isZero()) depth_map.values[i] = 0;
   }
   const std::string normal_bytes = FormatNormals(depth_map, normals);
-  for (const char* kind : {"photometric", "geometric"}) {
+  for (const char* kind : kKinds) {
     WriteDepthDenseBin(
-        MapPath(workspace_path, "stereo/depth_maps", image_name, kind).string(),
-        depth_map);
-    WriteFile(MapPath(workspace_path, "stereo/normal_maps", image_name, kind)
-                  .string(),
+        CreatePath(workspace_path, kDepthMaps + image_name + kind), depth_map);
+    WriteFile(CreatePath(workspace_path, kNormalMaps + image_name + kind),
               normal_bytes);
   }
 }

@@ -10,6 +10,7 @@
 
 #include <colmap/base/camera.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,9 @@ std::string WorkspaceModelPath(const std::string& workspace_path);
 
 // File of an image's depth map in the workspace.
 std::string WorkspaceDepthFile(const std::string& image_name);
+
+// All files of an image that WriteWorkspaceMaps() writes.
+std::set<std::string> WorkspaceFiles(const std::string& image_name);
 
 // Writes depth and normal maps of an image, as both kinds of input that COLMAP
 // has ("photometric" and "geometric"). Depth without a normal is unknown in

@@ -12,6 +12,7 @@
 #include "colmap_ext/progress.h"
 #include "controllers/confidence_map.h"
 #include "controllers/dense_workspace.h"
+#include "controllers/depth_export_files.h"
 #include "controllers/depth_export_summary.h"
 #include "controllers/depth_plot.h"
 #include "controllers/initial_cloud.h"
@@ -34,20 +35,6 @@ namespace fs = std::filesystem;
 // Share of the inverse depths of all images that the range covers; nearer ones
 // saturate.
 constexpr double kInverseDepthQuantile = 0.999;
-
-std::string FileName(const std::string& image_name, DepthExportFormat format) {
-  static const std::map<DepthExportFormat, std::string> kExtensions = {
-      {DepthExportFormat::NPY, ".npy"},
-      {DepthExportFormat::PNG, ".png"},
-      {DepthExportFormat::EXR, ".exr"},
-      {DepthExportFormat::DENSE_BIN, ".geometric.bin"}};
-  if (format == DepthExportFormat::COLMAP_WORKSPACE) {
-    return WorkspaceDepthFile(image_name);
-  }
-  const auto extension = kExtensions.find(format);
-  return extension == kExtensions.end() ? SplattingFileName(image_name)
-                                        : image_name + extension->second;
-}
 
 // An image to be exported, all that is decided before its map is read again.
 struct Job {
@@ -73,11 +60,16 @@ class Exporter {
       : database_path_(database_path),
         output_path_(output_path),
         options_(options) {
-    if (model_path) model_ = ReadSparseModel(*model_path);
+    const auto read = [&options](const std::string& path) {
+      SparseModel model = ReadSparseModel(path);
+      CheckPointsPath(options.points_path, {path, model.path});
+      return model;
+    };
+    if (model_path) model_ = read(*model_path);
     if (options.format == DepthExportFormat::COLMAP_WORKSPACE) {
-      undistorted_model_ = ReadSparseModel(WorkspaceModelPath(output_path));
+      undistorted_model_ = read(WorkspaceModelPath(output_path));
     } else if (!options.undistorted_path.empty()) {
-      undistorted_model_ = ReadSparseModel(options.undistorted_path);
+      undistorted_model_ = read(options.undistorted_path);
     }
   }
 
@@ -90,6 +82,7 @@ class Exporter {
       scales = ImagesForSplatting(jobs);
       CheckSplattingNames(scales);
     }
+    Claim(jobs, scales);
     // Maps are read twice, as all of them together need not fit into memory.
     if (model_ || is_for_splatting) {
       ForEach("Aligning depth maps", &jobs, [&](Job* job, DepthMap map) {
@@ -123,7 +116,7 @@ class Exporter {
     for (Job& job : jobs) {
       scales[job.name] = splatting_scale_;
       summary_.exported.push_back({job.name,
-                                   FileName(job.name, options_.format),
+                                   DepthExportFile(job.name, options_.format),
                                    std::move(job.alignment),
                                    job.agreeing_ratio,
                                    job.dropped_ratio});
@@ -180,6 +173,13 @@ class Exporter {
                                " with a depth map is in the model");
     }
     return jobs;
+  }
+
+  void Claim(const std::vector<Job>& jobs, const SplattingScales& scales) {
+    std::vector<std::string> images;
+    for (const Job& job : jobs) images.push_back(job.name);
+    ClaimExportFiles(
+        output_path_, model_.has_value(), images, scales, options_);
   }
 
   template <typename Function>
@@ -321,7 +321,7 @@ class Exporter {
       return;
     }
     const fs::path path =
-        PathInside(output_path_, FileName(job.name, options_.format));
+        PathInside(output_path_, DepthExportFile(job.name, options_.format));
     // Images in sub-folders have their maps in the same ones.
     CreateOutputFolder(path.parent_path().string());
     WriteMap(path.string(), depth_map);
@@ -393,7 +393,6 @@ DepthExportSummary ExportDepthMaps(const std::string& database_path,
   DGSFM_CHECK(options.IsValid(&error)) << error;
   DGSFM_CHECK(model_path || options.OptionThatNeedsModel().empty())
       << options.OptionThatNeedsModel() << " needs a model";
-  CreateOutputFolder(output_path);
   return Exporter(database_path, model_path, output_path, options).Run();
 }
 

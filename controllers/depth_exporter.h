@@ -104,9 +104,12 @@ struct DepthExportSummary {
 // For COLMAP_WORKSPACE, which needs a model, output_path is a folder that
 // image_undistorter wrote, and maps are those of its images.
 //
+// Files of an earlier export are replaced, all others stay (see ClaimFiles).
+//
 // Throws std::runtime_error naming file or image if something cannot be read or
-// written, if the database holds no map (but depths of key points only), or if
-// none of its images is in the model.
+// written, if a file that no export wrote is in the way, if the database holds
+// no map (but depths of key points only), or if none of its images is in the
+// model.
 DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const std::optional<std::string>& model_path,
                                    const std::string& output_path,

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <stdexcept>
 
 namespace dgsfm {
@@ -14,6 +15,7 @@ namespace fs = std::filesystem;
 // Readers of models take no folder for one whose name begins with a dot.
 constexpr char kStaging[] = ".dgsfm_partial";
 constexpr char kManifest[] = ".dgsfm_manifest";
+constexpr char kClaimed[] = ".dgsfm_claimed";
 
 bool IsModelName(const std::string& name) {
   return !name.empty() &&
@@ -36,17 +38,27 @@ std::vector<fs::path> ListEntries(const fs::path& folder) {
   return {fs::directory_iterator(folder), fs::directory_iterator()};
 }
 
-std::set<std::string> ReadManifest(const fs::path& folder) {
+std::set<std::string> ReadManifest(const fs::path& folder,
+                                   const char* name = kManifest) {
   std::set<std::string> files;
-  std::ifstream manifest(folder / kManifest);
+  std::ifstream manifest(folder / name);
   for (std::string file; std::getline(manifest, file);) files.insert(file);
   return files;
 }
 
-void WriteManifest(const fs::path& folder, const std::set<std::string>& files) {
+void WriteManifest(const fs::path& folder,
+                   const std::set<std::string>& files,
+                   const char* name = kManifest) {
   std::string text;
   for (const std::string& file : files) text += file + "\n";
-  WriteFile((folder / kManifest).string(), text);
+  WriteFile((folder / name).string(), text);
+}
+
+[[noreturn]] void RefuseToReplace(const fs::path& file) {
+  throw std::runtime_error(
+      file.string() +
+      " is in the way and was not written by an earlier run: move it away, "
+      "or choose another output folder");
 }
 
 }  // namespace
@@ -139,12 +151,38 @@ void RunFolder::CheckOthersFiles() const {
     const std::string name = entry.filename().string();
     if (!IsOutput(name)) continue;
     for (const std::string& file : ListFiles(entry, path_)) {
-      if (manifest_.count(file) > 0) continue;
-      throw std::runtime_error(
-          (fs::path(path_) / file).string() +
-          " is in the way and was not written by an earlier run: move it away, "
-          "or choose another output folder");
+      if (manifest_.count(file) == 0) RefuseToReplace(fs::path(path_) / file);
     }
+  }
+}
+
+void ClaimFiles(const std::vector<FilesOfFolder>& files) {
+  // By folder, which several may share.
+  std::map<fs::path, std::set<std::string>> claimed;
+  std::set<fs::path> paths;
+  for (const auto& [folder, names] : files) {
+    std::error_code ignored;
+    const fs::path canonical =
+        fs::weakly_canonical(fs::absolute(folder) / "", ignored);
+    const std::set<std::string> own = ReadManifest(canonical, kClaimed);
+    for (const std::string& name : names) {
+      const fs::path path = PathInside(folder, name);
+      if (fs::exists(fs::symlink_status(path, ignored)) &&
+          own.count(name) == 0) {
+        RefuseToReplace(path);
+      }
+      if (!paths.insert((canonical / name).lexically_normal()).second) {
+        throw std::runtime_error(path.string() +
+                                 " would be written twice: choose different "
+                                 "output folders");
+      }
+    }
+    claimed[canonical].insert(own.begin(), own.end());
+    claimed[canonical].insert(names.begin(), names.end());
+  }
+  for (const auto& [folder, names] : files) CreateOutputFolder(folder);
+  for (const auto& [folder, names] : claimed) {
+    WriteManifest(folder, names, kClaimed);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace dgsfm {
@@ -56,6 +57,16 @@ class RunFolder {
   std::set<std::string> manifest_;
   bool is_publishing_ = false;
 };
+
+// A folder, and names of files below it.
+using FilesOfFolder = std::pair<std::string, std::set<std::string>>;
+
+// Makes files the output of this run and of later ones with the same folders,
+// for commands whose output lies among others' files, and creates the folders,
+// in each of which a list has what was claimed. Throws std::runtime_error
+// naming the file, and writes nothing, if one exists that the list lacks, or is
+// wanted twice.
+void ClaimFiles(const std::vector<FilesOfFolder>& files);
 
 // Makes a file part of the run's output, which the next run replaces, if it is
 // in the folder of a run.

@@ -374,6 +374,57 @@ TEST_F(DepthExporterTest, WritesNothingOutsideTheFolder) {
   }
 }
 
+TEST_F(DepthExporterTest, ReplacesNoFileThatIsNotItsOwn) {
+  const std::string own = dir_ + "/out/sub/a.jpg.npy";
+  fs::create_directories(dir_ + "/out/sub");
+  std::ofstream(own) << "somebody's own";
+  DepthExportOptions options;
+  options.plot_path = dir_ + "/plots";
+  const auto run = [&] {
+    ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  };
+  ExpectErrorAndNoChange(
+      own, run, {own + " is in the way", "choose another output folder"});
+  EXPECT_FALSE(fs::exists(options.plot_path));
+  EXPECT_FALSE(fs::exists(dir_ + "/out/alignment.json"));
+  fs::remove(own);
+  // A second run replaces what the first one wrote, in any of its formats.
+  run();
+  options.format = DepthExportFormat::PNG;
+  run();
+  run();
+
+  options.plot_path = dir_ + "/out/";
+  ExpectError(run, ".jpg.png would be written twice");
+  options.plot_path.clear();
+  options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
+  std::ofstream(dir_ + "/out/b.png") << "a photo";
+  ExpectErrorAndNoChange(dir_ + "/out/b.png", run, {"out/b.png is in the way"});
+}
+
+TEST_F(DepthExporterTest, ReplacesNoModelThatItReads) {
+  const std::string points = dir_ + "/model/points3D.bin";
+  DepthExportOptions options;
+  options.points_path = dir_ + "/model/";
+  const auto run = [&] {
+    ExportDepthMaps(database_path_, dir_ + "/model", dir_ + "/out", options);
+  };
+  ExpectErrorAndNoChange(
+      points, run, {"model/ is the folder of a model that is read"});
+  WriteModel("undistorted");
+  ExpectErrorAndNoChange(
+      points,
+      [&] {
+        ExportDepthMaps(
+            database_path_, dir_ + "/undistorted", dir_ + "/out", options);
+      },
+      {"cameras.bin is in the way"});
+  options.undistorted_path = options.points_path = dir_ + "/undistorted";
+  ExpectErrorAndNoChange(
+      points, run, {"undistorted is the folder of a model that is read"});
+  EXPECT_FALSE(fs::exists(dir_ + "/out"));
+}
+
 TEST_F(DepthExporterTest, NamesNeedNotBeUtf8) {
   SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
       .Execute(

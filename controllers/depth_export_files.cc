@@ -1,0 +1,77 @@
+#include "controllers/depth_export_files.h"
+
+#include "controllers/dense_workspace.h"
+#include "controllers/output_folder.h"
+#include "controllers/splatting_depth.h"
+
+#include <filesystem>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+namespace dgsfm {
+
+namespace fs = std::filesystem;
+
+std::string DepthExportFile(const std::string& image_name,
+                            DepthExportFormat format) {
+  static const std::map<DepthExportFormat, std::string> kExtensions = {
+      {DepthExportFormat::NPY, ".npy"},
+      {DepthExportFormat::PNG, ".png"},
+      {DepthExportFormat::EXR, ".exr"},
+      {DepthExportFormat::DENSE_BIN, ".geometric.bin"}};
+  if (format == DepthExportFormat::COLMAP_WORKSPACE) {
+    return WorkspaceDepthFile(image_name);
+  }
+  const auto extension = kExtensions.find(format);
+  return extension == kExtensions.end() ? SplattingFileName(image_name)
+                                        : image_name + extension->second;
+}
+
+void ClaimExportFiles(const std::string& output_path,
+                      bool has_model,
+                      const std::vector<std::string>& images,
+                      const SplattingScales& images_for_splatting,
+                      const DepthExportOptions& options) {
+  std::set<std::string> maps;
+  std::set<std::string> pictures;
+  for (const std::string& name : images) {
+    if (options.format == DepthExportFormat::COLMAP_WORKSPACE) {
+      maps.merge(WorkspaceFiles(name));
+    } else {
+      maps.insert(DepthExportFile(name, options.format));
+    }
+    pictures.insert(name + ".png");
+  }
+  for (const auto& [name, scale] : images_for_splatting) {
+    maps.insert(SplattingFileName(name));
+  }
+  if (options.format == DepthExportFormat::GAUSSIAN_SPLATTING) {
+    maps.insert("depth_params.json");
+  }
+  if (has_model) maps.insert("alignment.json");
+  std::vector<FilesOfFolder> files = {{output_path, maps}};
+  if (!options.plot_path.empty())
+    files.push_back({options.plot_path, pictures});
+  if (!options.confidence_path.empty()) {
+    files.push_back({options.confidence_path, pictures});
+  }
+  if (!options.points_path.empty()) {
+    files.push_back(
+        {options.points_path, {"cameras.bin", "images.bin", "points3D.bin"}});
+  }
+  ClaimFiles(files);
+}
+
+void CheckPointsPath(const std::string& points_path,
+                     const std::vector<std::string>& folders_of_models) {
+  for (const std::string& folder : folders_of_models) {
+    std::error_code is_missing;
+    if (!fs::equivalent(points_path, folder, is_missing)) continue;
+    throw std::runtime_error("points_path " + points_path +
+                             " is the folder of a model that is read: choose "
+                             "another folder");
+  }
+}
+
+}  // namespace dgsfm
