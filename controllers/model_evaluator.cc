@@ -13,7 +13,6 @@
 #include <sstream>
 #include <stdexcept>
 
-#include <glog/logging.h>
 #include <nlohmann/json.hpp>
 
 namespace dgsfm {
@@ -61,16 +60,16 @@ ModelEvaluation EvaluateModel(const std::string& model_path,
   evaluation.model_path = FindLargestModel(model_path);
   evaluation.num_models = FindModels(model_path).size();
   evaluation.thresholds_deg = thresholds_deg;
+  const std::string truth_path = FindLargestModel(ground_truth_path);
   evaluation.metrics =
-      EvaluatePoses(ReadPoses(FindLargestModel(ground_truth_path)),
-                    ReadPoses(evaluation.model_path));
+      EvaluatePoses(ReadPoses(truth_path), ReadPoses(evaluation.model_path));
+  if (evaluation.metrics.num_registered == 0) {
+    throw std::runtime_error(
+        "no image of " + evaluation.model_path + " has the name of one of " +
+        truth_path + ": images are compared by name, with the folders in it");
+  }
   evaluation.auc =
       AreaUnderCurve(evaluation.metrics.relative_errors_deg, thresholds_deg);
-  // Usually one model has folders in its image names and the other has not.
-  if (evaluation.metrics.num_registered == 0) {
-    LOG(WARNING) << "No image of " << evaluation.model_path
-                 << " has the name of one in the ground truth";
-  }
   return evaluation;
 }
 

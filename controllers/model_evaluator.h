@@ -21,7 +21,8 @@ struct ModelEvaluation {
 
 // Each path is a model folder or a folder of models (see FindModels), of which
 // the one with most images counts. Images are matched by name.
-// Throws std::runtime_error if one of the models cannot be read.
+// Throws std::runtime_error if one of the models cannot be read, or if they
+// have no image in common.
 ModelEvaluation EvaluateModel(const std::string& model_path,
                               const std::string& ground_truth_path,
                               const std::vector<double>& thresholds_deg);

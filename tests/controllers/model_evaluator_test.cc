@@ -1,6 +1,7 @@
 #include "controllers/model_evaluator.h"
 
 #include "tests/controllers/run_command.h"
+#include "tests/testing/expect_error.h"
 #include "tests/testing/ring_model.h"
 #include "tests/testing/test_dir.h"
 
@@ -68,13 +69,29 @@ TEST(EvaluateModel, SimilarityIsPerfectAndItsScaleIsFound) {
   EXPECT_THAT(ToText(evaluation), HasSubstr("AUC@1: 100.00\n"));
 }
 
-TEST(EvaluateModel, ModelWithoutCommonOrAnyImageScoresZero) {
+TEST(EvaluateModel, RefusesModelsWithoutCommonImage) {
   const std::string dir = CreateTestDir();
   const std::string truth = WriteText(CreateRingModel(3), dir + "/truth");
   const std::string empty = WriteText(colmap::Reconstruction(), dir + "/empty");
-  const ModelEvaluation evaluation = EvaluateModel(empty, truth, {5});
-  EXPECT_EQ(evaluation.auc[0], 0);
-  EXPECT_EQ(evaluation.metrics.num_registered, 0);
+  colmap::Reconstruction other = CreateRingModel(3);
+  for (const colmap::image_t image_id : other.RegImageIds()) {
+    other.Image(image_id).SetName("sub/" + other.Image(image_id).Name());
+  }
+  WriteText(other, dir + "/other");
+  for (const std::string& model : {empty, dir + "/other"}) {
+    ExpectError([&] { EvaluateModel(model, truth, {5}); },
+                {"no image of " + model, truth});
+    const CommandResult result = RunForTest(&RunModelEvaluator,
+                                            {"--input_path",
+                                             model,
+                                             "--ground_truth_path",
+                                             truth,
+                                             "--json_path",
+                                             dir + "/result.json"});
+    EXPECT_EQ(result.code, 1);
+    EXPECT_EQ(result.out, "");
+    EXPECT_FALSE(fs::exists(dir + "/result.json"));
+  }
   EXPECT_THROW(EvaluateModel(dir + "/none", truth, {5}), std::runtime_error);
 }
 
