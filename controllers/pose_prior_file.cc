@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <limits>
 #include <map>
@@ -14,6 +15,14 @@
 namespace dgsfm {
 
 namespace {
+
+// The deepest sea and satellites of low orbits [m].
+constexpr double kMinAltitude = -12e3;
+constexpr double kMaxAltitude = 1e6;
+// Some earth radii, for earth-centred coordinates [m].
+constexpr double kMaxCoordinate = 1e8;
+
+constexpr char kByteOrderMark[] = "\xef\xbb\xbf";
 
 std::string Trim(const std::string& text) {
   constexpr char kSpaces[] = " \t\r\"";
@@ -60,6 +69,14 @@ GivenPose ParseFields(const std::vector<std::string>& fields,
                                   fields[3] == "-"
                                       ? std::numeric_limits<double>::quiet_NaN()
                                       : ParseNumber(fields[3], place));
+  if (!IsNearEarth(coordinates, *pose.position)) {
+    const bool is_geodetic = coordinates == PositionCoordinates::WGS84;
+    throw std::runtime_error(
+        place + ": image " + fields[0] + " would be at " +
+        (is_geodetic ? "altitude " + fields[3]
+                     : fields[1] + " " + fields[2] + " " + fields[3]) +
+        " m, which is not near the earth: correct the line or leave it out");
+  }
   if (fields.size() == 6) {
     const double horizontal = ParseNumber(fields[4], place);
     const double vertical = ParseNumber(fields[5], place);
@@ -74,7 +91,30 @@ GivenPose ParseFields(const std::vector<std::string>& fields,
   return pose;
 }
 
+// A file that serves no image would look as if it were used.
+[[noreturn]] void FailWithoutImage(const std::string& path,
+                                   const std::string& first_unknown,
+                                   const Scene& scene) {
+  if (first_unknown.empty()) {
+    throw std::runtime_error(path + " has no line 'name a b c' of an image");
+  }
+  const std::string example =
+      scene.images.empty() ? ""
+                           : ", such as " + scene.images.begin()->second.Name();
+  throw std::runtime_error(
+      path + ": no name is that of an image, the first is " + first_unknown +
+      "; names have to be those of the database" + example);
+}
+
 }  // namespace
+
+bool IsNearEarth(PositionCoordinates coordinates,
+                 const Eigen::Vector3d& position) {
+  if (coordinates == PositionCoordinates::WGS84) {
+    return !(position.z() < kMinAltitude) && !(position.z() > kMaxAltitude);
+  }
+  return !(position.array().abs() > kMaxCoordinate).any();
+}
 
 GivenPoses ReadPosePriorFile(const std::string& path,
                              PositionCoordinates coordinates,
@@ -89,6 +129,9 @@ GivenPoses ReadPosePriorFile(const std::string& path,
   size_t num_unknown = 0;
   std::string line, first_unknown;
   for (int number = 1; std::getline(file, line); ++number) {
+    if (number == 1 && line.rfind(kByteOrderMark, 0) == 0) {
+      line.erase(0, std::strlen(kByteOrderMark));
+    }
     const std::string trimmed = Trim(line);
     if (trimmed.empty() || trimmed[0] == '#') continue;
     const std::string place = path + ", line " + std::to_string(number);
@@ -105,6 +148,7 @@ GivenPoses ReadPosePriorFile(const std::string& path,
     }
   }
   if (file.bad()) throw std::runtime_error("cannot read '" + path + "'");
+  if (poses.empty()) FailWithoutImage(path, first_unknown, scene);
   if (num_unknown > 0) {
     LOG(WARNING) << path << " has positions of " << num_unknown
                  << " images that the database lacks, e.g. " << first_unknown;

@@ -121,10 +121,9 @@ class PositionCollector {
     Drop(
         [](const GivenPose& pose) {
           return !pose.position->head<2>().allFinite() ||
-                 std::isinf(pose.position->z()) ||
-                 pose.position->cwiseAbs().maxCoeff() > 1e9;
+                 !IsNearEarth(pose.coordinates, *pose.position);
         },
-        "are no possible coordinates and are not used");
+        "are not near the earth and are not used");
     if (coordinates_ != PositionCoordinates::WGS84) {
       Drop([](const GivenPose& pose) { return !pose.position->allFinite(); },
            "have no z and are not used");

@@ -90,12 +90,12 @@ std::optional<Similarity3d> AlignThree(
   return result;
 }
 
-std::optional<Similarity3d> BestOfSamples(
-    const PositionAlignmentOptions& options,
-    const std::vector<PositionMatch>& matches,
-    const std::optional<DirectionMatch>& up) {
-  std::optional<Similarity3d> best;
-  double best_error = std::numeric_limits<double>::infinity();
+// Calls `use` with the similarity of each sample of three matches.
+template <typename Function>
+void ForEachSample(const PositionAlignmentOptions& options,
+                   const std::vector<PositionMatch>& matches,
+                   const std::optional<DirectionMatch>& up,
+                   const Function& use) {
   SplitMix64 random(0);
   const int count = static_cast<int>(matches.size());
   for (int trial = 0; trial < options.num_trials; ++trial) {
@@ -108,13 +108,23 @@ std::optional<Similarity3d> BestOfSamples(
         AlignThree({&matches[idxs[0]], &matches[idxs[1]], &matches[idxs[2]]},
                    options.fixed_scale,
                    up);
-    if (!sample) continue;
-    const double error = Quantile(ErrorsOf(*sample, matches), kQuantile);
+    if (sample) use(*sample);
+  }
+}
+
+std::optional<Similarity3d> BestOfSamples(
+    const PositionAlignmentOptions& options,
+    const std::vector<PositionMatch>& matches,
+    const std::optional<DirectionMatch>& up) {
+  std::optional<Similarity3d> best;
+  double best_error = std::numeric_limits<double>::infinity();
+  ForEachSample(options, matches, up, [&](const Similarity3d& sample) {
+    const double error = Quantile(ErrorsOf(sample, matches), kQuantile);
     if (error < best_error) {
       best_error = error;
       best = sample;
     }
-  }
+  });
   return best;
 }
 
@@ -198,6 +208,22 @@ Eigen::Vector3d operator*(const Similarity3d& target_from_source,
 
 double SpreadOfErrors(const std::vector<double>& errors) {
   return Median(errors) / kMedianLength;
+}
+
+size_t CountAgreeing(const PositionAlignmentOptions& options,
+                     const std::vector<PositionMatch>& matches,
+                     const std::optional<DirectionMatch>& up) {
+  size_t best_count = 0;
+  if (matches.size() < kMinNumMatches) return best_count;
+  ForEachSample(options, matches, up, [&](const Similarity3d& sample) {
+    const std::vector<double> errors = ErrorsOf(sample, matches);
+    const auto count = static_cast<size_t>(
+        std::count_if(errors.begin(), errors.end(), [&](double error) {
+          return error <= options.max_error;
+        }));
+    best_count = std::max(best_count, count);
+  });
+  return best_count;
 }
 
 std::optional<PositionAlignment> AlignPositions(

@@ -76,6 +76,11 @@ std::optional<PositionAlignment> AlignPositions(
     const std::vector<PositionMatch>& matches,
     const std::optional<DirectionMatch>& up);
 
+// The most matches that agree with the similarity of three of them.
+size_t CountAgreeing(const PositionAlignmentOptions& options,
+                     const std::vector<PositionMatch>& matches,
+                     const std::optional<DirectionMatch>& up);
+
 // The same spread of the errors of positions that are in one frame already.
 double SpreadOfErrors(const std::vector<double>& errors);
 

@@ -76,6 +76,39 @@ Eigen::Vector3d CenterOf(const colmap::Reconstruction& model,
   return CamFromWorld(model.Image(image_id)).TargetOriginInSource();
 }
 
+std::vector<PositionMatch> MatchesOf(const PosePriors& priors,
+                                     const colmap::Reconstruction& model) {
+  std::vector<PositionMatch> matches;
+  for (const colmap::image_t image_id : ImagesWithPosition(priors, model)) {
+    const PosePrior& prior = priors.at(image_id);
+    matches.push_back({CenterOf(model, image_id),
+                       prior.position,
+                       SqrtInformation(prior.covariance)});
+  }
+  return matches;
+}
+
+std::optional<DirectionMatch> VerticalOf(const GeoreferencingOptions& options,
+                                         const PosePriors& priors,
+                                         const colmap::Reconstruction& model) {
+  const auto found = UpOfModel(options, priors, model);
+  if (!found) return std::nullopt;
+  DirectionMatch up;
+  up.source = found->in_world;
+  up.stddev_rad =
+      (found->is_by_gravity ? kGravityStddevDeg : kLevelStddevDeg) * M_PI / 180;
+  return up;
+}
+
+// Whether not all have the same position in one of the two frames.
+bool HaveExtent(const std::vector<PositionMatch>& matches,
+                Eigen::Vector3d PositionMatch::*position) {
+  return std::any_of(
+      matches.begin(), matches.end(), [&](const PositionMatch& match) {
+        return match.*position != matches.front().*position;
+      });
+}
+
 }  // namespace
 
 void ModelGeoreference::MeasureErrors() {
@@ -136,17 +169,36 @@ std::string WhyUnusable(const GeoreferencingOptions& options,
                         const PosePriors& priors,
                         const std::optional<PositionAlignment>& alignment,
                         const colmap::Reconstruction& model) {
-  if (!alignment) {
-    return "fewer than three images have one, or all have the same";
+  const std::vector<PositionMatch> matches = MatchesOf(priors, model);
+  if (matches.size() < 3) {
+    return "only " + std::to_string(matches.size()) +
+           " of these have one, and three are needed";
   }
-  if (!(alignment->log_scale_stddev <= options.max_log_scale_stddev)) {
+  if (!HaveExtent(matches, &PositionMatch::target)) {
+    return "all have the same";
+  }
+  if (!HaveExtent(matches, &PositionMatch::source)) {
+    return "the images are at one place, which leaves the scale open";
+  }
+  const bool is_scale_open = alignment && !(alignment->log_scale_stddev <=
+                                            options.max_log_scale_stddev);
+  // By the errors that were given; larger ones show a contradiction.
+  if (is_scale_open &&
+      !(alignment->log_scale_stddev <=
+        std::max(1.0, alignment->spread) * options.max_log_scale_stddev)) {
     return "they differ by hardly more than their errors, which leaves the "
            "scale open";
   }
-  if (MedianErrorOf(*alignment, priors, model) >
-      kMaxErrorShare * ExtentOf(priors, model)) {
-    return "they contradict the shape of the model. Check that they belong to "
-           "the images, and that latitude and longitude are not swapped";
+  if (!alignment || is_scale_open ||
+      MedianErrorOf(*alignment, priors, model) >
+          kMaxErrorShare * ExtentOf(priors, model)) {
+    const size_t num_agreeing =
+        CountAgreeing({}, matches, VerticalOf(options, priors, model));
+    return "they contradict the shape of the model, with which " +
+           std::to_string(num_agreeing) + " of " +
+           std::to_string(matches.size()) +
+           " agree. Check that they belong to the images, that latitude and "
+           "longitude are not swapped, and leave those out that are wrong";
   }
   return "";
 }
@@ -175,25 +227,11 @@ std::optional<PositionAlignment> AlignToPositions(
     const PosePriors& priors,
     const std::optional<double>& scale,
     const colmap::Reconstruction& model) {
-  std::vector<PositionMatch> matches;
-  for (const colmap::image_t image_id : ImagesWithPosition(priors, model)) {
-    const PosePrior& prior = priors.at(image_id);
-    matches.push_back({CenterOf(model, image_id),
-                       prior.position,
-                       SqrtInformation(prior.covariance)});
-  }
-  std::optional<DirectionMatch> up;
-  if (const auto found = UpOfModel(options, priors, model)) {
-    up = DirectionMatch();
-    up->source = found->in_world;
-    up->stddev_rad =
-        (found->is_by_gravity ? kGravityStddevDeg : kLevelStddevDeg) * M_PI /
-        180;
-  }
   PositionAlignmentOptions alignment;
   alignment.loss_scale = options.loss_scale;
   alignment.fixed_scale = scale;
-  return AlignPositions(alignment, matches, up);
+  return AlignPositions(
+      alignment, MatchesOf(priors, model), VerticalOf(options, priors, model));
 }
 
 void TransformModel(const Similarity3d& new_from_old,

@@ -334,6 +334,46 @@ TEST_F(GeoreferencingTest, NamesWhatIsWrongWithPositions) {
               testing::HasSubstr("all the same"));
 }
 
+TEST_F(GeoreferencingTest, RefusesFilesOfPositionsThatServeNoImage) {
+  Synthesize({"--num_images", "6", "--gps", "1"});
+  const Scene scene = ReadScene(path_);
+  PosePriorOptions options;
+  options.path = dir_ + "/positions.txt";
+  const auto load = [&](const std::string& text) {
+    std::ofstream(options.path) << text;
+    return LoadPosePriors(options, path_, "", scene);
+  };
+  ExpectError([&] { load(""); }, options.path + " has no line 'name a b c'");
+  ExpectError([&] { load("# name\n"); }, "positions.txt has no line");
+  ExpectError([&] { load("b.jpg 48 11 5\nc.jpg 48 11 5\n"); },
+              {options.path, "the first is b.jpg", "such as image0000.jpg"});
+  ExpectError([&] { load("image0000.jpg 48 11 1e9\n"); },
+              "positions.txt, line 1: image image0000.jpg would be at altitude "
+              "1e9 m");
+  ExpectError([&] { load("image0000.jpg 48 11 -13000\n"); }, "-13000 m");
+  // The byte order mark of editors on Windows.
+  const auto loaded =
+      load("\xef\xbb\xbfimage0000.jpg 48 11 5 3 4\nimage0001.jpg 48.1 11 5\n");
+  EXPECT_NEAR(loaded.priors.at(1).covariance(2, 2), 16, 1e-9);
+  options.coordinates = "cartesian";
+  ExpectError([&] { load("image0000.jpg 48 11 1e9\n"); },
+              "would be at 48 11 1e9 m, which is not near the earth");
+}
+
+// Altitudes of receivers are no error of the user.
+TEST_F(GeoreferencingTest, LeavesImpossibleAltitudesOfTheDatabaseOut) {
+  Synthesize({"--num_images", "6"});
+  SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
+      .Execute(
+          "UPDATE images SET prior_tx = 48 + 0.001 * image_id, prior_ty = 11, "
+          "prior_tz = 500 + 1e7 * (image_id = 3)");
+  const auto loaded = LoadPosePriors({}, path_, "", ReadScene(path_));
+  EXPECT_EQ(loaded.priors.size(), 5);
+  EXPECT_THAT(loaded.warnings,
+              testing::ElementsAre(testing::HasSubstr(
+                  "of image image0002.jpg, are not near the earth")));
+}
+
 TEST(LocalFrame, GoesThereAndBack) {
   const LocalFrame frame({48, 11, 500});
   EXPECT_NEAR(frame.FromGeodetic({48, 11, 507}).z(), 7, 1e-6);
