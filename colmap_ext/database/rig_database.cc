@@ -164,9 +164,56 @@ struct PrefixedCamera {
   std::optional<Rigid3d> cam_from_rig;
 };
 
+// Throws for an object that lacks the required key, or has one that is none of
+// `keys`, which may be misspelt.
+void CheckKeys(const Json& json,
+               const std::string& what,
+               const std::string& required,
+               std::set<std::string> keys) {
+  keys.insert(required);
+  if (!json.is_object()) {
+    throw std::runtime_error(what + " has to be an object {...}, not " +
+                             json.dump());
+  }
+  for (const auto& [key, value] : json.items()) {
+    if (keys.count(key) > 0) continue;
+    std::string known;
+    for (const std::string& name : keys) {
+      known += (known.empty() ? "" : ", ") + name;
+    }
+    throw std::runtime_error(what + " has the unknown key " + key +
+                             ", not one of " + known + ": " + json.dump());
+  }
+  if (!json.contains(required)) {
+    throw std::runtime_error(what + " has no " + required + ": " + json.dump());
+  }
+}
+
+// Intrinsics of the file would have to be in the database before pairs are
+// verified.
+void CheckHasNoIntrinsics(const Json& json, const std::string& image_prefix) {
+  for (const char* key : {"camera_model_name", "camera_params"}) {
+    if (!json.contains(key)) continue;
+    throw std::runtime_error(
+        "prefix " + image_prefix + " has " + key +
+        ", which is not read here: write it to the database by COLMAP's "
+        "rig_configurator (3.12 or later) and leave --rig_config_path out, or "
+        "remove it from the file if the cameras of the database are right");
+  }
+}
+
 PrefixedCamera ParseCamera(const Json& json) {
   PrefixedCamera camera;
+  CheckKeys(json,
+            "a camera",
+            "image_prefix",
+            {"cam_from_rig_rotation",
+             "cam_from_rig_translation",
+             "camera_model_name",
+             "camera_params",
+             "ref_sensor"});
   camera.image_prefix = json.at("image_prefix").get<std::string>();
+  CheckHasNoIntrinsics(json, camera.image_prefix);
   camera.is_reference = json.value("ref_sensor", false);
   const bool has_rotation = json.contains("cam_from_rig_rotation");
   if (has_rotation != json.contains("cam_from_rig_translation")) {
@@ -222,6 +269,7 @@ void AddConfiguredRig(const Json& json,
   const rig_t rig_id = rig_t(rigs->rigs.size()) + 1;
   Rig& rig = rigs->rigs[rig_id];
   std::map<std::string, Frame> frames;
+  CheckKeys(json, "a rig", "cameras", {});
   for (const Json& camera_json : json.at("cameras")) {
     const PrefixedCamera camera = ParseCamera(camera_json);
     std::map<std::string, colmap::image_t> suffixes;
@@ -267,7 +315,13 @@ RigScene ReadRigConfig(const std::string& path, const Scene& scene) {
   RigScene rigs;
   std::set<colmap::camera_t> used;
   try {
-    for (const Json& rig : Json::parse(file)) {
+    const Json config = Json::parse(file);
+    if (!config.is_array() || config.empty()) {
+      throw std::runtime_error(
+          "has to be a list of rigs, [{\"cameras\": [...]}, ...]; without "
+          "--rig_config_path the rigs of the database count");
+    }
+    for (const Json& rig : config) {
       AddConfiguredRig(rig, scene, &used, &rigs);
     }
   } catch (const std::exception& error) {

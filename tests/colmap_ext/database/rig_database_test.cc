@@ -166,6 +166,22 @@ TEST_P(RigDatabaseTest, ReadsConfigurations) {
   expect_fails(R"([{"cameras": [{"image_prefix": "left/",
                    "cam_from_rig_rotation": [1, 0, 0, 0]}]}])",
                "prefix left/ has one of");
+  // Without an error, the rigs of the database would be lost.
+  for (const char* json : {"[]", "{}", R"({"cameras": []})", "3"}) {
+    expect_fails(json, "has to be a list of rigs");
+  }
+  expect_fails(R"(["rig"])", "a rig has to be an object {...}, not \"rig\"");
+  expect_fails("[{}]", "a rig has no cameras");
+  expect_fails(R"([{"cameras": [{"ref_sensor": true}]}])",
+               "a camera has no image_prefix: {\"ref_sensor\":true}");
+  expect_fails(R"([{"cameras": [{"image_prefix": "left/",
+                   "cam_from_rig_rot": [1, 0, 0, 0]}]}])",
+               "unknown key cam_from_rig_rot, not one of "
+               "cam_from_rig_rotation, ");
+  expect_fails(R"([{"cameras": [{"image_prefix": "left/",
+                   "camera_params": [500, 320, 240]}]}])",
+               "prefix left/ has camera_params, which is not read here: write "
+               "it to the database by COLMAP's rig_configurator");
 }
 
 INSTANTIATE_TEST_SUITE_P(Schemas,
