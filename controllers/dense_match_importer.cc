@@ -108,6 +108,7 @@ class DenseMatchImport {
     for (const auto& [group, num_left_out] : num_left_out_) {
       summary_.num_matches_left_out += num_left_out;
     }
+    CheckIsAny();
     return std::move(summary_);
   }
 
@@ -155,6 +156,9 @@ class DenseMatchImport {
         Eigen::Vector2f::Constant(options_.coordinate_offset_px);
     DenseMatches kept;
     for (size_t i = 0; i < all.points1.size(); ++i) {
+      for (const auto& point : {all.points1[i], all.points2[i]}) {
+        has_pixels_ |= (point.array().abs() > 1).any();
+      }
       const Eigen::Vector2f point1 = all.points1[i] + offset;
       const Eigen::Vector2f point2 = all.points2[i] + offset;
       const bool is_confident = all.confidences.empty() ||
@@ -240,6 +244,26 @@ class DenseMatchImport {
         .Run();
   }
 
+  // Writing nothing would look like success.
+  void CheckIsAny() const {
+    const size_t num_read =
+        summary_.num_matches + summary_.num_matches_left_out;
+    if (num_read > 0 && !has_pixels_) {
+      throw std::runtime_error(
+          file_.Path() +
+          ": all points are within one pixel of the corner of their images; "
+          "coordinates have to be pixels, not shares of the size");
+    }
+    if (summary_.num_matches > 0) return;
+    throw std::runtime_error(
+        file_.Path() + ": no match is imported: " +
+        (num_read == 0 ? "the file has none"
+                       : "all " + std::to_string(num_read) +
+                             " are outside of their images or below "
+                             "min_confidence") +
+        ", in pairs such as " + pairs_.begin()->second.front().group);
+  }
+
   const Scene& scene_;
   const DenseMatchFile& file_;
   const DenseMatchImportOptions& options_;
@@ -250,6 +274,8 @@ class DenseMatchImport {
   std::map<colmap::image_pair_t, std::vector<PairSource>> pairs_;
   std::map<colmap::image_t, std::vector<colmap::image_pair_t>> pairs_of_image_;
   std::map<std::string, size_t> num_left_out_;  // by group
+  // Whether a coordinate is beyond a share of the size.
+  bool has_pixels_ = false;
   DenseMatchImportSummary summary_;
 };
 

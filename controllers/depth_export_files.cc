@@ -1,5 +1,6 @@
 #include "controllers/depth_export_files.h"
 
+#include "colmap_ext/depth/depth_map_io.h"
 #include "controllers/dense_workspace.h"
 #include "controllers/output_folder.h"
 #include "controllers/splatting_depth.h"
@@ -61,6 +62,32 @@ void ClaimExportFiles(const std::string& output_path,
         {options.points_path, {"cameras.bin", "images.bin", "points3D.bin"}});
   }
   ClaimFiles(files);
+}
+
+bool WriteExportedMap(const std::string& path,
+                      const DepthMap& depth_map,
+                      const DepthExportOptions& options,
+                      double splatting_scale) {
+  switch (options.format) {
+    case DepthExportFormat::NPY:
+      WriteDepthNpy(path, depth_map, NpyPrecision::SINGLE);
+      break;
+    case DepthExportFormat::PNG:
+      return WriteDepthPng(path, depth_map, options.png_scale) ||
+             depth_map.Coverage() == 0;
+    case DepthExportFormat::EXR:
+      WriteDepthExr(path, depth_map);
+      break;
+    case DepthExportFormat::DENSE_BIN:
+      WriteDepthDenseBin(path, depth_map);
+      break;
+    case DepthExportFormat::GAUSSIAN_SPLATTING:
+      WriteSplattingPng(path, depth_map, splatting_scale);
+      break;
+    case DepthExportFormat::COLMAP_WORKSPACE:
+      break;  // No file alone.
+  }
+  return true;
 }
 
 void CheckPointsPath(const std::string& points_path,

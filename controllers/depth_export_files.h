@@ -24,6 +24,14 @@ void ClaimExportFiles(const std::string& output_path,
                       const SplattingScales& images_for_splatting,
                       const DepthExportOptions& options);
 
+// Writes a file of the options' format, but for COLMAP_WORKSPACE. False if the
+// map has depth and the file cannot hold any. Throws std::runtime_error naming
+// the file.
+bool WriteExportedMap(const std::string& path,
+                      const DepthMap& depth_map,
+                      const DepthExportOptions& options,
+                      double splatting_scale);
+
 // Throws std::runtime_error if points_path is one of the folders.
 void CheckPointsPath(const std::string& points_path,
                      const std::vector<std::string>& folders_of_models);

@@ -44,6 +44,7 @@ std::string DepthExportSummary::ToText() const {
   list("image without map", images_without_map);
   list("image that is not in the model", images_without_model);
   list("image with too few points", images_with_few_points);
+  list("image without depth that png_scale can hold", images_out_of_range);
   text << "exported " << exported.size() << " depth maps";
   if (!residuals.empty()) {
     text << ", median error " << 100 * Median(scale_residuals)

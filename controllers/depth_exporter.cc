@@ -4,7 +4,6 @@
 #include "colmap_ext/database/depth_database.h"
 #include "colmap_ext/database/scene_database.h"
 #include "colmap_ext/depth/affine_depth.h"
-#include "colmap_ext/depth/depth_map_io.h"
 #include "colmap_ext/depth/depth_undistortion.h"
 #include "colmap_ext/formats/picture_file.h"
 #include "colmap_ext/output_file.h"
@@ -49,6 +48,7 @@ struct Job {
   // See DepthExportSummary.
   double agreeing_ratio = 0;
   double dropped_ratio = 0;
+  bool has_lost_depth = false;
 };
 
 class Exporter {
@@ -89,14 +89,7 @@ class Exporter {
         Prepare(job, std::move(map));
       });
     }
-    const auto last =
-        std::stable_partition(jobs.begin(), jobs.end(), [](const Job& job) {
-          return !job.has_few_points;
-        });
-    for (auto job = last; job != jobs.end(); ++job) {
-      summary_.images_with_few_points.push_back(job->name);
-    }
-    jobs.erase(last, jobs.end());
+    DropImagesWithFewPoints(&jobs);
     double max_inverse_depth = 0;
     for (const Job& job : jobs) {
       max_inverse_depth = std::max(max_inverse_depth, job.near_inverse_depth);
@@ -110,16 +103,23 @@ class Exporter {
       ForEach("Writing depth maps", &jobs, [&](Job* job, DepthMap map) {
         if (job->alignment) job->alignment->Apply(&map);
         if (cloud_) AddToCloud(*job, map);
-        Write(*job, std::move(map));
+        job->has_lost_depth = !Write(*job, std::move(map));
       });
     }
     for (Job& job : jobs) {
       scales[job.name] = splatting_scale_;
+      if (job.has_lost_depth) summary_.images_out_of_range.push_back(job.name);
       summary_.exported.push_back({job.name,
                                    DepthExportFile(job.name, options_.format),
                                    std::move(job.alignment),
                                    job.agreeing_ratio,
                                    job.dropped_ratio});
+    }
+    if (summary_.images_out_of_range.size() == jobs.size()) {
+      throw std::runtime_error(
+          "no depth of any image is within 65534 steps of png_scale: the maps "
+          "in " +
+          output_path_ + " are all unknown; choose a larger png_scale");
     }
     summary_.multi_view = options_.multi_view;
     if (is_for_splatting) WriteSplattingParameters(output_path_, scales);
@@ -214,6 +214,24 @@ class Exporter {
     return map;
   }
 
+  void DropImagesWithFewPoints(std::vector<Job>* jobs) {
+    const auto last =
+        std::stable_partition(jobs->begin(), jobs->end(), [](const Job& job) {
+          return !job.has_few_points;
+        });
+    std::vector<std::string>& dropped = summary_.images_with_few_points;
+    for (auto job = last; job != jobs->end(); ++job) {
+      dropped.push_back(job->name);
+    }
+    jobs->erase(last, jobs->end());
+    if (!jobs->empty()) return;
+    throw std::runtime_error("no depth map is exported: none of the " +
+                             std::to_string(dropped.size()) +
+                             " images with a map, such as " + dropped.front() +
+                             ", sees enough points that fit it in the model " +
+                             model_->path + " (DepthAlignment.min_num_points)");
+  }
+
   void StartCloud() {
     if (options_.points_path.empty()) return;
     cloud_ = std::make_unique<InitialCloud>(
@@ -243,7 +261,7 @@ class Exporter {
         if (refined.confidence[k] <= 0.5f) sure.values[k] = 0;
       }
       if (cloud_) AddToCloud(job, std::move(sure));
-      Write(job, std::move(refined.depth_map));
+      job.has_lost_depth = !Write(job, std::move(refined.depth_map));
     });
   }
 
@@ -311,42 +329,21 @@ class Exporter {
     write(path.string());
   }
 
-  void Write(const Job& job, DepthMap depth_map) const {
+  // False where the map has depth and the file cannot hold any.
+  bool Write(const Job& job, DepthMap depth_map) const {
     depth_map = ForOutput(job, std::move(depth_map));
     if (options_.format == DepthExportFormat::COLMAP_WORKSPACE) {
       WriteWorkspaceMaps(output_path_,
                          job.name,
                          std::move(depth_map),
                          *job.undistorted_camera);
-      return;
+      return true;
     }
-    const fs::path path =
+    const std::string path =
         PathInside(output_path_, DepthExportFile(job.name, options_.format));
     // Images in sub-folders have their maps in the same ones.
-    CreateOutputFolder(path.parent_path().string());
-    WriteMap(path.string(), depth_map);
-  }
-
-  void WriteMap(const std::string& path, const DepthMap& depth_map) const {
-    switch (options_.format) {
-      case DepthExportFormat::NPY:
-        WriteDepthNpy(path, depth_map, NpyPrecision::SINGLE);
-        break;
-      case DepthExportFormat::PNG:
-        WriteDepthPng(path, depth_map, options_.png_scale);
-        break;
-      case DepthExportFormat::EXR:
-        WriteDepthExr(path, depth_map);
-        break;
-      case DepthExportFormat::DENSE_BIN:
-        WriteDepthDenseBin(path, depth_map);
-        break;
-      case DepthExportFormat::GAUSSIAN_SPLATTING:
-        WriteSplattingPng(path, depth_map, splatting_scale_);
-        break;
-      case DepthExportFormat::COLMAP_WORKSPACE:
-        break;  // No file alone.
-    }
+    CreateOutputFolder(fs::path(path).parent_path().string());
+    return WriteExportedMap(path, depth_map, options_, splatting_scale_);
   }
 
   std::vector<std::string> NamesOfExported() const {

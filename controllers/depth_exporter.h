@@ -76,6 +76,8 @@ struct DepthExportSummary {
   std::vector<std::string> images_without_map;
   std::vector<std::string> images_without_model;
   std::vector<std::string> images_with_few_points;
+  // Those whose map has depth, of which png_scale leaves none.
+  std::vector<std::string> images_out_of_range;
 
   // In points_path.
   size_t num_points = 0;
@@ -109,7 +111,7 @@ struct DepthExportSummary {
 // Throws std::runtime_error naming file or image if something cannot be read or
 // written, if a file that no export wrote is in the way, if the database holds
 // no map (but depths of key points only), or if none of its images is in the
-// model.
+// model, sees enough points there, or has depth within png_scale.
 DepthExportSummary ExportDepthMaps(const std::string& database_path,
                                    const std::optional<std::string>& model_path,
                                    const std::string& output_path,

@@ -7,6 +7,8 @@
 #include <set>
 #include <stdexcept>
 
+#include <glog/logging.h>
+
 namespace dgsfm {
 namespace {
 
@@ -141,6 +143,36 @@ void CheckFolder(const std::string& path, const std::string& what) {
       (fs::exists(path) ? " is a file" : " does not exist"));
 }
 
+// Gives the depth maps their confidence maps.
+void FindConfidences(const Scene& scene,
+                     const std::string& confidence_path,
+                     DepthFileSearch* search) {
+  CheckFolder(confidence_path, "confidence");
+  const auto names =
+      MatchFilesToImages(scene, ListFolder(confidence_path), false);
+  std::vector<std::string> images_without;
+  for (auto& [image_id, file] : search->file_of_image) {
+    const auto name = names.find(image_id);
+    if (name == names.end()) {
+      images_without.push_back(scene.images.at(image_id).Name());
+    } else {
+      file.confidence_path =
+          (fs::path(confidence_path) / name->second).string();
+    }
+  }
+  if (images_without.empty()) return;
+  const std::string text = confidence_path + " has no confidence map of " +
+                           std::to_string(images_without.size()) + " of " +
+                           std::to_string(search->file_of_image.size()) +
+                           " images with depth, e.g. " + images_without.front();
+  if (images_without.size() == search->file_of_image.size()) {
+    throw std::runtime_error(text +
+                             ": name the files after the images, or leave "
+                             "confidence_path out");
+  }
+  LOG(WARNING) << text << ": their depth is imported without";
+}
+
 }  // namespace
 
 DepthFileSearch FindDepthFiles(const Scene& scene,
@@ -161,13 +193,7 @@ DepthFileSearch FindDepthFiles(const Scene& scene,
   }
   if (confidence_path.empty()) return search;
 
-  CheckFolder(confidence_path, "confidence");
-  for (const auto& [image_id, name] :
-       MatchFilesToImages(scene, ListFolder(confidence_path), false)) {
-    const auto file = search.file_of_image.find(image_id);
-    if (file == search.file_of_image.end()) continue;
-    file->second.confidence_path = (fs::path(confidence_path) / name).string();
-  }
+  FindConfidences(scene, confidence_path, &search);
   return search;
 }
 

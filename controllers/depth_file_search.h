@@ -28,11 +28,11 @@ struct DepthFileSearch {
 // In an HDF5 file, the group of an image is called like it, without its
 // extension, or like it without its sub-folders.
 //
-// Confidence maps, searched for in the same way, need not be complete; an empty
-// `confidence_path` means none.
+// Confidence maps, searched for in the same way, need not be complete, but a
+// warning counts those that are missing; an empty `confidence_path` means none.
 //
 // Throws std::runtime_error if the path does not exist, if two files fit one
-// image or one file two images.
+// image or one file two images, or if no depth map has a confidence map.
 DepthFileSearch FindDepthFiles(const Scene& scene,
                                const std::string& depth_path,
                                const std::string& confidence_path);

@@ -341,7 +341,7 @@ void WriteDepthDenseBin(const std::string& path, const DepthMap& depth_map) {
   WriteFile(path, internal::FormatDenseBin(GridOf(depth_map)));
 }
 
-void WriteDepthPng(const std::string& path,
+bool WriteDepthPng(const std::string& path,
                    const DepthMap& depth_map,
                    double scale) {
   DGSFM_CHECK(scale > 0) << "scale = " << scale;
@@ -354,6 +354,8 @@ void WriteDepthPng(const std::string& path,
   }
   WriteFile(path,
             internal::FormatPng16(depth_map.width, depth_map.height, steps));
+  return std::any_of(
+      steps.begin(), steps.end(), [](uint16_t step) { return step > 0; });
 }
 
 }  // namespace dgsfm

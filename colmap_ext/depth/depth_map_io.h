@@ -153,8 +153,8 @@ void WriteDepthNpy(const std::string& path,
                    const DepthMap& depth_map,
                    NpyPrecision precision);
 // 16 bits with `scale` [unit of depth] per step, at least one; beyond 65534
-// steps depth becomes unknown.
-void WriteDepthPng(const std::string& path,
+// steps depth becomes unknown. Returns whether any depth is known then.
+bool WriteDepthPng(const std::string& path,
                    const DepthMap& depth_map,
                    double scale);
 // One channel Z of floats.

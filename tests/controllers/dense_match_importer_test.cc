@@ -9,6 +9,7 @@
 #include "tests/testing/npz_file.h"
 #include "tests/testing/test_dir.h"
 
+#include <filesystem>
 #include <stdexcept>
 
 #include <gmock/gmock.h>
@@ -123,6 +124,20 @@ TEST_F(DenseMatchImporter, MergesBothDirectionsOfAPair) {
             Eigen::Vector2d(13, 14));
   EXPECT_EQ(scene.images.at(2).Point2D(matches[2].point2D_idx2).XY(),
             Eigen::Vector2d(11, 12));
+}
+
+TEST_F(DenseMatchImporter, ImportWithoutAnyMatchFails) {
+  const std::string group = "x/a.jpg<>x/b_c.jpg";
+  const auto write = [&](const std::vector<float>& values) {
+    std::filesystem::remove(dir_ + "/matches.npz");
+    WritePair(group, values);
+  };
+  write({});
+  ExpectError({"matches.npz: no match is imported: the file has none", group});
+  write({1, 2, 61, 4, 5, 6, 7, 41});
+  ExpectError({"all 2 are outside of their images or below min_confidence"});
+  write({0.1f, 0.2f, 0.3f, 0.4f, -0.5f, 0.5f, 1, 0.6f});
+  ExpectError({"coordinates have to be pixels, not shares of the size"});
 }
 
 TEST_F(DenseMatchImporter, NamesWhatIsWrong) {

@@ -340,6 +340,32 @@ TEST_F(DepthExporterTest, SplattingGetsOneScaleForAllImages) {
   EXPECT_FALSE(fs::exists(dir_ + "/aligned/d.png"));
 }
 
+TEST_F(DepthExporterTest, ExportWithoutAnyDepthFails) {
+  DepthExportOptions options;
+  options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
+  options.alignment.min_num_points = kNumPoints + 1;
+  ExpectError(
+      [&] {
+        ExportDepthMaps(
+            database_path_, dir_ + "/model", dir_ + "/out", options);
+      },
+      "none of the 2 images with a map, such as sub/a.jpg, sees enough points");
+  EXPECT_FALSE(fs::exists(dir_ + "/out/depth_params.json"));
+
+  options.format = DepthExportFormat::PNG;
+  const auto run = [&] {
+    return ExportDepthMaps(
+        database_path_, std::nullopt, dir_ + "/out", options);
+  };
+  options.png_scale = 1e-6;
+  ExpectError(run, "choose a larger png_scale");
+  DepthMap near = CreateMap();
+  for (float& depth : near.values) depth *= 1e-3f;
+  DepthDatabase(database_path_, DepthDatabase::Mode::READ_WRITE)
+      .WriteDepthMap(1, near, {DepthUnit::METRIC, {0.5f}});
+  EXPECT_THAT(run().images_out_of_range, ElementsAre("b.jpg", "c.jpg"));
+}
+
 TEST_F(DepthExporterTest, SplattingRefusesImagesOfOneName) {
   SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
       .Execute("UPDATE images SET name = 'b.png' WHERE image_id = 4");

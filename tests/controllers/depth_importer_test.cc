@@ -116,6 +116,31 @@ TEST_F(DepthImporter, WarnsOfMillimetres) {
   EXPECT_THAT(Import(options).ToText(), Not(HasSubstr("warning")));
 }
 
+TEST_F(DepthImporter, NamesMapsWithoutConfidence) {
+  WriteMap("sub/a.npy", 2.5);
+  WriteMap("b.npy", 2.5);
+  DepthImportOptions options;
+  options.overwrite = true;
+  options.confidence_path = depth_path_ + "/../confidence";
+  fs::create_directories(options.confidence_path + "/sub");
+  ExpectErrorAndNoChange(
+      database_path_,
+      [&] { Import(options); },
+      {"has no confidence map of 2 of 2 images with depth, e.g. sub/a.jpg",
+       "leave confidence_path out"});
+  const auto warnings = [&](const std::string& depth_file) {
+    fs::copy_file(depth_path_ + "/" + depth_file,
+                  options.confidence_path + "/" + depth_file);
+    testing::internal::CaptureStderr();
+    Import(options);
+    return testing::internal::GetCapturedStderr();
+  };
+  EXPECT_THAT(warnings("sub/a.npy"),
+              HasSubstr("no confidence map of 1 of 2 images with depth, e.g. "
+                        "b.jpg: their depth is imported without"));
+  EXPECT_THAT(warnings("b.npy"), Not(HasSubstr("confidence")));
+}
+
 TEST_F(DepthImporter, StoresRelativeMapsAsTheyAre) {
   WriteFile(depth_path_ + "/b.npy",
             internal::FormatNpyFloat({3, 2, {-2, -2, 4, -2, -2, 4}}));
