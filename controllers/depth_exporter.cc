@@ -354,13 +354,14 @@ class Exporter {
     return names;
   }
 
-  // The images of the model or, without one, of the database, without scales.
+  // The images of the models or, without any, of the database, without scales.
   SplattingScales ImagesForSplatting(const std::vector<Job>& jobs) const {
     SplattingScales scales;
-    if (model_) {
-      for (const auto& [name, image] : model_->images) scales[name] = 0;
-      return scales;
+    for (const auto* model : {&model_, &undistorted_model_}) {
+      if (!*model) continue;
+      for (const auto& [name, image] : (*model)->images) scales[name] = 0;
     }
+    if (model_) return scales;
     for (const Job& job : jobs) scales[job.name] = 0;
     for (const std::string& name : summary_.images_without_map) {
       scales[name] = 0;

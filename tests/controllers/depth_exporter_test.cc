@@ -366,6 +366,23 @@ TEST_F(DepthExporterTest, ExportWithoutAnyDepthFails) {
   EXPECT_THAT(run().images_out_of_range, ElementsAre("b.jpg", "c.jpg"));
 }
 
+// The trainer reads the images of the undistorted model.
+TEST_F(DepthExporterTest, SplattingGetsAllUndistortedImages) {
+  colmap::Reconstruction model;
+  model.Read(dir_ + "/model");
+  model.DeRegisterImage(2);
+  fs::create_directories(dir_ + "/small");
+  model.Write(dir_ + "/small");
+  DepthExportOptions options;
+  options.format = DepthExportFormat::GAUSSIAN_SPLATTING;
+  options.undistorted_path = dir_ + "/model";
+  ExportDepthMaps(database_path_, dir_ + "/small", dir_ + "/out", options);
+  const std::string json = FileContent(dir_ + "/out/depth_params.json");
+  EXPECT_THAT(json, HasSubstr("\"b\""));
+  EXPECT_EQ(FindScales(json).count("0.0"), 1);
+  EXPECT_TRUE(fs::exists(dir_ + "/out/b.png"));
+}
+
 TEST_F(DepthExporterTest, SplattingRefusesImagesOfOneName) {
   SqliteConnection(database_path_, SqliteConnection::Mode::READ_WRITE)
       .Execute("UPDATE images SET name = 'b.png' WHERE image_id = 4");
