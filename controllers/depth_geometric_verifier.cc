@@ -110,7 +110,7 @@ bool DepthGeometricVerifierOptions::IsValid(std::string* error) const {
   }
   return OptionBounds(error)
       .Valid(verification)
-      .AtLeast("checkpoint_interval_s", checkpoint_interval_s, 0)
+      .AtLeast("checkpoint_interval", checkpoint_interval_s, 0)
       .Within("num_shards", num_shards, 1, kMaxNumPairShards)
       .Within("shard_index", shard_index, 0, num_shards - 1)
       .AreKept();
@@ -311,7 +311,8 @@ VerificationSummary VerifyDatabasePairs(
       &verifier);
   summary.totals = database.ReadPairTotals();
   timer.Add("kept", double(summary.num_kept))
-      .Add("deleted", double(summary.num_deleted))
+      .Add(options.restart ? "restarted" : "deleted",
+           double(summary.num_deleted))
       .Add(summary.totals)
       .Finish(&stages);
   return summary;

@@ -99,6 +99,7 @@ std::string DescribePairs(const Reports& reports) {
   std::string reasons;
   for (const auto& [figure, value] : reports.begin()->figures) {
     const bool is_status = figure != "kept" && figure != "deleted" &&
+                           figure != "restarted" &&
                            figure.rfind("valid_", 0) != 0;
     if (!is_status) continue;
     num_pairs += static_cast<size_t>(value);
@@ -112,7 +113,10 @@ std::string DescribePairs(const Reports& reports) {
          IfAny(reports.Count("kept"), "pair", "verified before") +
          IfAny(reports.Count("deleted"),
                "stored result",
-               "deleted, as matches, depths or options changed");
+               "deleted, as matches, depths or options changed") +
+         IfAny(reports.Count("restarted"),
+               "stored result",
+               "deleted, as all pairs were to be verified again (restart)");
 }
 
 // Pairs that filters of the view graph took out, by status.

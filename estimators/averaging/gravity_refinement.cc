@@ -203,9 +203,7 @@ bool Solve(const GraphAveragingOptions& averaging,
 }  // namespace
 
 bool GravityRefinementOptions::IsValid(std::string* error) const {
-  return OptionBounds(error)
-      .Above("gravity stddev_deg", stddev_deg, 0)
-      .AreKept();
+  return OptionBounds(error).Above("gravity_stddev", stddev_deg, 0).AreKept();
 }
 
 bool RefineByGravity(const GravityRefinementOptions& options,

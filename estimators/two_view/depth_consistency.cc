@@ -37,7 +37,9 @@ double DistanceToDepthRange(const Transfer& transfer,
 
 bool DepthConsistencyOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
-      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
+      .Above("DepthConsistency.max_reprojection_error",
+             max_reprojection_error_px,
+             0)
       .Above("max_depth_error_ratio", max_depth_error_ratio, 0)
       .AreKept();
 }

@@ -135,8 +135,9 @@ void Finish(const TwoViewProblem& problem,
 
 bool TwoViewDepthOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
-      .Above("max_epipolar_error_px", max_epipolar_error_px, 0)
-      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
+      .Above("TwoViewDepth.max_epipolar_error", max_epipolar_error_px, 0)
+      .Above(
+          "TwoViewDepth.max_reprojection_error", max_reprojection_error_px, 0)
       .AtLeast("min_num_trials", min_num_trials, 1)
       .AtLeast("max_num_trials", max_num_trials, min_num_trials)
       .Within("confidence", confidence, 0, 1)

@@ -76,7 +76,7 @@ def test_unknown_options_are_refused(database):
         ({"num_threads": 2**40}, "num_threads"),
         ({"use_depth": 2}, "option use_depth must be a truth value"),
         ({"checkpoint_interval": float("nan")}, "checkpoint_interval must not be nan"),
-        ({"checkpoint_interval": -1}, "checkpoint_interval_s must be >= 0"),
+        ({"checkpoint_interval": -1}, "checkpoint_interval must be >= 0"),
         ({"intrinsics_prior": "good"}, "must be auto, exif or calibrated"),
         ({"intrinsics_prior": 3}, "option intrinsics_prior must be a text"),
     ],

@@ -320,7 +320,7 @@ bool BlockAdjustmentOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .AtLeast("max_num_sweeps", max_num_sweeps, 0)
       .AtLeast("min_cost_decrease", min_cost_decrease, 0)
-      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
+      .Above("max_reprojection_error", max_reprojection_error_px, 0)
       .Valid(bundle_adjustment)
       .AreKept();
 }

@@ -111,7 +111,7 @@ bool PartJoiningOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .AtLeast("min_num_shared_images", min_num_shared_images, 3)
       .Within("min_agreeing_share", min_agreeing_share, 0, 1)
-      .Above("max_rotation_error_deg", max_rotation_error_deg, 0)
+      .Above("max_rotation_error", max_rotation_error_deg, 0)
       .Above("max_center_error", max_center_error, 0)
       .Valid(averaging)
       .AreKept();

@@ -314,7 +314,7 @@ bool BundleAdjustmentOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .AtLeast("max_num_iterations", max_num_iterations, 1)
       .AtLeast("function_tolerance", function_tolerance, 0)
-      .Above("loss_scale_px", loss_scale_px, 0)
+      .Above("ba_loss_scale", loss_scale_px, 0)
       .Above("cauchy_scale_px", cauchy_scale_px.value_or(1), 0)
       .Valid(intrinsics)
       .AreKept();

@@ -133,16 +133,16 @@ bool ModelRefinementOptions::IsValid(std::string* error) const {
   return OptionBounds(error)
       .Valid(global_positioning)
       .Valid(bundle_adjustment)
-      .Above("max_angular_error_deg", max_angular_error_deg, 0)
-      .Above("max_reprojection_error_px", max_reprojection_error_px, 0)
-      .Above("max_epipolar_error_px", max_epipolar_error_px, 0)
-      .Above("max_completion_error_px", max_completion_error_px, 0)
+      .Above("max_angular_error", max_angular_error_deg, 0)
+      .Above("max_reprojection_error", max_reprojection_error_px, 0)
+      .Above("tri_max_epipolar_error", max_epipolar_error_px, 0)
+      .Above("max_completion_error", max_completion_error_px, 0)
       .AtLeast(
           "max_neighbor_distance_ratio",
           max_neighbor_distance_ratio == 0 ? 1 : max_neighbor_distance_ratio,
           1)
       .AtLeast("num_bundle_adjustment_rounds", num_bundle_adjustment_rounds, 0)
-      .AtLeast("min_triangulation_angle_deg", min_triangulation_angle_deg, 0)
+      .AtLeast("min_triangulation_angle", min_triangulation_angle_deg, 0)
       .AtLeast(
           "min_num_triangulated_per_image", min_num_triangulated_per_image, 0)
       .AtLeast("min_num_points_per_image", min_num_points_per_image, 3)

@@ -303,7 +303,7 @@ bool ComponentAveragingOptions::IsValid(std::string* error) const {
       .Valid(scale_averaging)
       .AtLeast(
           "num_rotation_averaging_rounds", num_rotation_averaging_rounds, 1)
-      .Above("max_rotation_error_deg", max_rotation_error_deg, 0)
+      .Above("max_rotation_error", max_rotation_error_deg, 0)
       .Valid(gravity)
       .Above("max_log_scale_error", max_log_scale_error, 0)
       .Valid(translation_averaging)

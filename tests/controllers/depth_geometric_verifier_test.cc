@@ -180,6 +180,11 @@ TEST_F(DepthGeometricVerifier, TablesOfVersion1AreBroughtUpToDate) {
 TEST_F(DepthGeometricVerifier, NamesInvalidOptionsAndDamagedMatches) {
   options_.checkpoint_interval_s = -1;
   EXPECT_THROW(VerifyDatabasePairs(options_), std::runtime_error);
+  const CommandResult bad = RunForTest(
+      &RunDepthGeometricVerifier,
+      {"--database_path", path_, "--TwoViewDepth.max_epipolar_error", "0"});
+  EXPECT_EQ(bad.code, 2);
+  EXPECT_THAT(bad.err, HasSubstr("TwoViewDepth.max_epipolar_error must be"));
   SqliteConnection(path_, SqliteConnection::Mode::READ_WRITE)
       .Execute("UPDATE matches SET rows = 7 WHERE pair_id = 2147483649");
   const CommandResult result =

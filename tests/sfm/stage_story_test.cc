@@ -107,6 +107,18 @@ TEST(StageStory, DescribesThePreparation) {
                   "left out (low pair score) (2.0 s)"));
 }
 
+TEST(StageStory, NamesWhyStoredResultsLeave) {
+  EXPECT_THAT(
+      Story({Report("pair_verification", 0, {{"deleted", 2}, {"valid", 90}})}),
+      ElementsAre("Pairs: 90 of 90 valid; 2 stored results deleted, as "
+                  "matches, depths or options changed"));
+  EXPECT_THAT(
+      Story(
+          {Report("pair_verification", 0, {{"restarted", 2}, {"valid", 90}})}),
+      ElementsAre("Pairs: 90 of 90 valid; 2 stored results deleted, as all "
+                  "pairs were to be verified again (restart)"));
+}
+
 TEST(StageStory, DescribesAModelWithOneSentenceForRepeatedStages) {
   EXPECT_THAT(
       Story(ReportsOfOneModel()),

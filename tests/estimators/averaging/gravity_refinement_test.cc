@@ -205,7 +205,7 @@ TEST(GravityRefinementOptions, NamesTheInvalidField) {
   options.stddev_deg = 0;
   std::string error;
   EXPECT_FALSE(options.IsValid(&error));
-  EXPECT_EQ(error, "gravity stddev_deg must be > 0, but is 0");
+  EXPECT_EQ(error, "gravity_stddev must be > 0, but is 0");
 }
 
 }  // namespace
