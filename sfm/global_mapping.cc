@@ -21,6 +21,9 @@ namespace dgsfm {
 
 namespace {
 
+// Factor between metric depth and the baselines of rigs from which one of them
+// has another unit.
+constexpr double kMaxRigDepthRatio = 10;
 constexpr const char* kNotConnected = "not connected to the largest model";
 
 void SetReason(const ImageIds& image_ids,
@@ -212,6 +215,24 @@ void ArrangeModels(const MappingContext& context,
   result->georeferences = std::move(georeferences);
 }
 
+// Reversed or wrongly scaled baselines of rigs fit the matches of a model whose
+// frames are hardly apart.
+void WarnOfRigScale(const MeasuredUnit& unit,
+                    size_t num_images,
+                    MappingLog* log) {
+  if (std::abs(unit.log_scale) < std::log(kMaxRigDepthRatio)) return;
+  std::ostringstream factor;
+  factor << std::setprecision(3) << std::exp(std::abs(unit.log_scale));
+  log->Warn("The metric depth maps of a model with " +
+            std::to_string(num_images) +
+            " images differ from the baselines of its rigs by a factor of " +
+            factor.str() +
+            ": check that the poses of the sensors are in metres and map from "
+            "the rig to the camera, not back, have them estimated "
+            "(--DepthGlobalMapper.refine_sensor_from_rig 1), or leave the rigs "
+            "out (--ignore_rigs 1)");
+}
+
 void MeasureUnits(const MappingContext& context,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
@@ -227,7 +248,10 @@ void MeasureUnits(const MappingContext& context,
         !context.options.refine_sensor_from_rig &&
         HasBaseline(context.frames, model->RegImageIds());
     const bool is_georeferenced = result->georeferences[i].is_georeferenced;
-    if (rigs_fix_scale) unit.unit = ModelUnit::RIGS;
+    if (rigs_fix_scale) {
+      if (is_any_metric) WarnOfRigScale(unit, model->NumRegImages(), log);
+      unit.unit = ModelUnit::RIGS;
+    }
     if (is_georeferenced) unit.unit = ModelUnit::METRES;
     result->units.push_back(unit);
     if (rigs_fix_scale || is_georeferenced || !is_any_metric ||

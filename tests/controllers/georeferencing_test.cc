@@ -216,6 +216,23 @@ TEST_F(GeoreferencingTest, NamesRigsInAnotherUnitThanPositions) {
       << result.out;
 }
 
+// Baselines in millimetres.
+TEST_F(GeoreferencingTest, NamesRigsInAnotherUnitThanDepth) {
+  Synthesize({"--num_images", "24", "--rig", "stereo"});
+  const std::string path = dir_ + "/scene/rig_config.json";
+  const std::string warning =
+      "differ from the baselines of its rigs by a factor";
+  EXPECT_EQ(Map({"--rig_config_path", path}).out.find(warning),
+            std::string::npos);
+  auto config = nlohmann::json::parse(std::ifstream(path));
+  config[0]["cameras"][1]["cam_from_rig_translation"][0] = -500;
+  std::ofstream(path) << config;
+  const auto result = Map({"--rig_config_path", path});
+  ASSERT_EQ(result.code, 0);
+  EXPECT_EQ(Report()["models"][0]["unit"], "rigs");
+  EXPECT_NE(result.out.find(warning), std::string::npos) << result.out;
+}
+
 TEST_F(GeoreferencingTest, ModelsStandUprightByGravityAndOnRequestByCameras) {
   Synthesize(
       {"--num_images", "12", "--gravity", "1", "--gravity_noise", "0.5"});
