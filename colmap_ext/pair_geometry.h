@@ -24,7 +24,7 @@ enum class PairStatus : int {
   NO_GEOMETRY = 2,      // no relative pose found
   TOO_FEW_INLIERS = 3,
   LOW_INLIER_RATIO = 4,
-  SCALE_OUT_OF_RANGE = 5,  // of databases by earlier versions
+  SCALE_OUT_OF_RANGE = 5,  // given by earlier versions only
   DEPTH_INCONSISTENT = 6,  // too few matches agree with the depth maps
   LOW_PAIR_SCORE = 7,      // imported score (Doppelgangers++)
   LOW_TRIPLET_SUPPORT = 8,

@@ -41,8 +41,6 @@ constexpr char kRoot[] = ".dgsfm_checkpoints";
 constexpr char kPartial[] = "partial";
 // What a model in COLMAP's format lacks of the component.
 constexpr char kRestFile[] = "component.cbor";
-constexpr const char* kModelFiles[] = {
-    "cameras.bin", "images.bin", "points3D.bin"};
 
 std::string HexText(uint64_t number) {
   char text[17];

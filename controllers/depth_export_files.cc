@@ -1,11 +1,14 @@
 #include "controllers/depth_export_files.h"
 
 #include "colmap_ext/depth/depth_map_io.h"
+#include "colmap_ext/model/model_writer.h"
 #include "controllers/dense_workspace.h"
+#include "controllers/depth_export_summary.h"
 #include "controllers/output_folder.h"
 #include "controllers/splatting_depth.h"
 
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -29,6 +32,10 @@ std::string DepthExportFile(const std::string& image_name,
                                         : image_name + extension->second;
 }
 
+std::string DepthExportPicture(const std::string& image_name) {
+  return image_name + ".png";
+}
+
 void ClaimExportFiles(const std::string& output_path,
                       bool has_model,
                       const std::vector<std::string>& images,
@@ -42,24 +49,25 @@ void ClaimExportFiles(const std::string& output_path,
     } else {
       maps.insert(DepthExportFile(name, options.format));
     }
-    pictures.insert(name + ".png");
+    pictures.insert(DepthExportPicture(name));
   }
   for (const auto& [name, scale] : images_for_splatting) {
     maps.insert(SplattingFileName(name));
   }
   if (options.format == DepthExportFormat::GAUSSIAN_SPLATTING) {
-    maps.insert("depth_params.json");
+    maps.insert(kSplattingParametersFile);
   }
-  if (has_model) maps.insert("alignment.json");
+  if (has_model) maps.insert(kAlignmentsFile);
   std::vector<FilesOfFolder> files = {{output_path, maps}};
-  if (!options.plot_path.empty())
+  if (!options.plot_path.empty()) {
     files.push_back({options.plot_path, pictures});
+  }
   if (!options.confidence_path.empty()) {
     files.push_back({options.confidence_path, pictures});
   }
   if (!options.points_path.empty()) {
-    files.push_back(
-        {options.points_path, {"cameras.bin", "images.bin", "points3D.bin"}});
+    files.push_back({options.points_path,
+                     {std::begin(kModelFiles), std::end(kModelFiles)}});
   }
   ClaimFiles(files);
 }

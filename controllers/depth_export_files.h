@@ -14,6 +14,9 @@ namespace dgsfm {
 std::string DepthExportFile(const std::string& image_name,
                             DepthExportFormat format);
 
+// The plot or the confidence map of an image, below the folder of these.
+std::string DepthExportPicture(const std::string& image_name);
+
 // Claims (see ClaimFiles) all files of an export: maps of the images, those
 // that 3D Gaussian splatting wants of others as well, and what the options
 // name. Throws std::runtime_error, before anything is written, if one of them

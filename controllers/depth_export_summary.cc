@@ -71,7 +71,7 @@ void WriteAlignments(const std::string& folder,
       json[image.name]["dropped_ratio"] = image.dropped_ratio;
     }
   }
-  WriteFile((std::filesystem::path(folder) / "alignment.json").string(),
+  WriteFile((std::filesystem::path(folder) / kAlignmentsFile).string(),
             JsonText(json, 2) + "\n");
 }
 

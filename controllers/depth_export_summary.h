@@ -8,7 +8,9 @@
 
 namespace dgsfm {
 
-// Writes alignment.json: scale, shift, residuals and number of points of each
+constexpr char kAlignmentsFile[] = "alignment.json";
+
+// Writes that file: scale, shift, residuals and number of points of each
 // image. Throws std::runtime_error naming the file.
 void WriteAlignments(const std::string& folder,
                      const DepthExportSummary& summary);

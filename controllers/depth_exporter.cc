@@ -319,12 +319,11 @@ class Exporter {
     cloud_->Add(job.name, ForOutput(job, std::move(map)));
   }
 
-  // a.jpg.png in a folder, for image a.jpg.
   template <typename Function>
   static void WriteBesideName(const std::string& folder,
                               const std::string& image_name,
                               const Function& write) {
-    const fs::path path = PathInside(folder, image_name + ".png");
+    const fs::path path = PathInside(folder, DepthExportPicture(image_name));
     CreateOutputFolder(path.parent_path().string());
     write(path.string());
   }

@@ -73,7 +73,7 @@ void WriteSplattingParameters(const std::string& folder,
     CreateOutputFolder(path.parent_path().string());
     WriteFile(path.string(), internal::FormatPng16(1, 1, {0}));
   }
-  WriteFile((fs::path(folder) / "depth_params.json").string(),
+  WriteFile((fs::path(folder) / kSplattingParametersFile).string(),
             JsonText(json, 2) + "\n");
 }
 

@@ -11,6 +11,8 @@
 
 namespace dgsfm {
 
+constexpr char kSplattingParametersFile[] = "depth_params.json";
+
 // The file of an image, in the same sub-folder.
 std::string SplattingFileName(const std::string& image_name);
 
@@ -28,10 +30,10 @@ void WriteSplattingPng(const std::string& path,
                        const DepthMap& depth_map,
                        double scale);
 
-// Writes depth_params.json. The scales are to be the same, because the loader
-// distrusts images whose scale is far from the median. It wants a file of every
-// image: those without a map get one unknown pixel. Throws std::runtime_error
-// naming the file.
+// Writes the file of the parameters. The scales are to be the same, because the
+// loader distrusts images whose scale is far from the median. It wants a file
+// of every image: those without a map get one unknown pixel. Throws
+// std::runtime_error naming the file.
 void WriteSplattingParameters(const std::string& folder,
                               const SplattingScales& scales);
 

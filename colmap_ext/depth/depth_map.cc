@@ -50,8 +50,6 @@ int32_t BitsOf(float depth) { return Eigen::numext::bit_cast<int32_t>(depth); }
 // What the loops below do to halfs of the usual range; they have no branches,
 // so that compilers vectorize them. Positive floats are ordered as their bits
 // are.
-constexpr int32_t kMinNormalHalf = (127 - 14) << 23;
-
 uint16_t PackNormalHalf(float depth) {
   constexpr int32_t kExponentOffset = (127 - 15) << 23;
   constexpr int kShift = 23 - 10;
@@ -78,7 +76,7 @@ bool AreNormalHalfs(const float* depths, size_t size) {
   DGSFM_CHECK(min_bits >= 0 &&
               max_bits <= BitsOf(std::numeric_limits<float>::max()))
       << "a depth is negative or not finite";
-  return min_known_bits >= kMinNormalHalf - 1 &&
+  return min_known_bits >= BitsOf(kMinStorableDepth) - 1 &&
          max_bits <= BitsOf(kMaxStorableDepth);
 }
 

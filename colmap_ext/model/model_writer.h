@@ -13,6 +13,10 @@
 
 namespace dgsfm {
 
+// The files of a model.
+constexpr const char* kModelFiles[] = {
+    "cameras.bin", "images.bin", "points3D.bin"};
+
 // One file of a model, which has its name after Commit(); its numbers are
 // finite.
 class ModelFile {
