@@ -236,10 +236,6 @@ void WarnOfRigScale(const MeasuredUnit& unit,
 void MeasureUnits(const MappingContext& context,
                   DepthGlobalMapperResult* result,
                   MappingLog* log) {
-  const bool is_any_metric = std::any_of(
-      context.depths.begin(), context.depths.end(), [](const auto& image) {
-        return image.second.unit == DepthUnit::METRIC;
-      });
   for (size_t i = 0; i < result->models.size(); ++i) {
     const auto& model = result->models[i];
     MeasuredUnit unit =
@@ -249,12 +245,12 @@ void MeasureUnits(const MappingContext& context,
         HasBaseline(context.frames, model->RegImageIds());
     const bool is_georeferenced = result->georeferences[i].is_georeferenced;
     if (rigs_fix_scale) {
-      if (is_any_metric) WarnOfRigScale(unit, model->NumRegImages(), log);
+      if (unit.is_metric) WarnOfRigScale(unit, model->NumRegImages(), log);
       unit.unit = ModelUnit::RIGS;
     }
     if (is_georeferenced) unit.unit = ModelUnit::METRES;
     result->units.push_back(unit);
-    if (rigs_fix_scale || is_georeferenced || !is_any_metric ||
+    if (rigs_fix_scale || is_georeferenced || !unit.is_metric ||
         !unit.IsDoubtful()) {
       continue;
     }

@@ -37,11 +37,7 @@ struct DepthScaleOfModel {
 
 std::optional<DepthScaleOfModel> MeasureDepthScale(
     const KeypointDepthMap& depths, const colmap::Reconstruction& model) {
-  std::map<colmap::image_t, double> scales;
-  for (const auto& [image_id, scale] : DepthScalesOfModel(depths, model)) {
-    scales[image_id] = scale.scale;
-  }
-  const MeasuredUnit unit = UnitOfModel(depths, scales, model);
+  const MeasuredUnit unit = UnitOfModel(depths, model);
   if (unit.unit != ModelUnit::METRES) return std::nullopt;
   return DepthScaleOfModel{
       std::exp(unit.log_scale),
@@ -204,7 +200,7 @@ void UsePositions(const MappingContext& context,
 
 ModelGeoreference FinishFrame(const MappingContext& context,
                               ModelInProgress* progress,
-                              MetricScale* metric,
+                              MeasuredUnit* unit,
                               MappingLog* log) {
   ModelGeoreference result;
   const GeoreferencingOptions& options = context.options.georeferencing;
@@ -235,10 +231,10 @@ ModelGeoreference FinishFrame(const MappingContext& context,
     result.SetErrors(priors, model);
     if (!options.georeference) {
       TransformModel(progress->positions_from_start->Inverse(), &model);
-      if (!is_by_rigs) *metric = NormalizeToDepth(context.depths, &model);
+      if (!is_by_rigs) *unit = NormalizeToDepth(context.depths, &model);
     }
   } else {
-    if (!is_by_rigs) *metric = NormalizeToDepth(context.depths, &model);
+    if (!is_by_rigs) *unit = NormalizeToDepth(context.depths, &model);
     if (options.use_positions && HasPositions(priors) &&
         model.NumRegImages() > 0) {
       PlaceByPositions(context, progress, &result, log);

@@ -20,11 +20,11 @@ void UsePositions(const MappingContext& context,
                   MappingLog* log);
 
 // Gives the finished model its frame and unit: those of the positions; or the
-// unit of rigs or depth maps, and z upwards. `metric` is what the depth maps
-// had to be scaled by, where they were.
+// unit of rigs or depth maps, and z upwards. `unit` is what depth maps said of
+// it before, where the model got theirs.
 ModelGeoreference FinishFrame(const MappingContext& context,
                               ModelInProgress* progress,
-                              MetricScale* metric,
+                              MeasuredUnit* unit,
                               MappingLog* log);
 
 }  // namespace dgsfm

@@ -12,6 +12,7 @@
 #include "sfm/mapping/split_half.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <glog/logging.h>
 
@@ -206,8 +207,8 @@ void FinishModel(const MappingContext& context,
        FilterImages(context.options.refinement, progress->rigs.frames, model)) {
     result->unregistered_images[image_id] = reason;
   }
-  MetricScale metric;
-  result->georeference = FinishFrame(context, progress, &metric, log);
+  MeasuredUnit unit;
+  result->georeference = FinishFrame(context, progress, &unit, log);
   for (const auto& [image_id, scale] :
        DepthScalesOfModel(context.depths, *model)) {
     result->depth_scales[image_id] = scale.scale;
@@ -223,9 +224,9 @@ void FinishModel(const MappingContext& context,
   }
   timer.Add("images", double(model->NumRegImages()))
       .Add("points", double(model->NumPoints3D()))
-      .Add("scale_factor", metric.factor)
-      .Add("log_scale_spread", metric.log_spread)
-      .Add("images_with_scale", double(metric.num_images));
+      .Add("scale_factor", std::exp(-unit.log_scale))
+      .Add("log_scale_spread", unit.log_spread)
+      .Add("images_with_scale", double(unit.num_images));
   if (progress->rigs.fix_scale) timer.Add("scale_by_rigs", 1);
   timer.Finish(&log->stages);
 }

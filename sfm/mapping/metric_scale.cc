@@ -89,29 +89,34 @@ MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
     }
   }
   if (log_scales.empty()) return result;
-  const bool is_metric = !metric_log_scales.empty();
-  if (is_metric) log_scales = std::move(metric_log_scales);
+  result.is_metric = !metric_log_scales.empty();
+  if (result.is_metric) log_scales = std::move(metric_log_scales);
   result.num_images = log_scales.size();
   result.log_scale = Median(log_scales);
   result.log_spread = RobustStddev(log_scales, result.log_scale);
-  result.unit = is_metric && !result.IsDoubtful() ? ModelUnit::METRES
-                                                  : ModelUnit::DEPTH_MAPS;
+  result.unit = result.is_metric && !result.IsDoubtful()
+                    ? ModelUnit::METRES
+                    : ModelUnit::DEPTH_MAPS;
   return result;
 }
 
-MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
-                             colmap::Reconstruction* model) {
+MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
+                         const colmap::Reconstruction& model) {
   std::map<colmap::image_t, double> scales;
-  for (const auto& [image_id, scale] : DepthScalesOfModel(depths, *model)) {
+  for (const auto& [image_id, scale] : DepthScalesOfModel(depths, model)) {
     scales[image_id] = scale.scale;
   }
-  const MeasuredUnit unit = UnitOfModel(depths, scales, *model);
-  const MetricScale metric{
-      std::exp(-unit.log_scale), unit.log_spread, unit.num_images};
-  if (metric.num_images == 0) return metric;
-  model->Transform(colmap::SimilarityTransform3(
-      metric.factor, Eigen::Vector4d(1, 0, 0, 0), Eigen::Vector3d::Zero()));
-  return metric;
+  return UnitOfModel(depths, scales, model);
+}
+
+MeasuredUnit NormalizeToDepth(const KeypointDepthMap& depths,
+                              colmap::Reconstruction* model) {
+  const MeasuredUnit unit = UnitOfModel(depths, *model);
+  if (unit.num_images == 0) return unit;
+  model->Transform(colmap::SimilarityTransform3(std::exp(-unit.log_scale),
+                                                Eigen::Vector4d(1, 0, 0, 0),
+                                                Eigen::Vector3d::Zero()));
+  return unit;
 }
 
 }  // namespace dgsfm

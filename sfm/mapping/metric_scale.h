@@ -43,6 +43,8 @@ std::string ModelUnitName(ModelUnit unit);
 struct MeasuredUnit {
   ModelUnit unit = ModelUnit::ARBITRARY;
   size_t num_images = 0;
+  // Whether these have metric maps.
+  bool is_metric = false;
   // Median of the logarithms of the scales: what rigs or positions, where they
   // give the unit, differ from the maps by [1].
   double log_scale = 0;
@@ -57,15 +59,13 @@ MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
                          const std::map<colmap::image_t, double>& depth_scales,
                          const colmap::Reconstruction& model);
 
+// The same by the depth scales that the model has now.
+MeasuredUnit UnitOfModel(const KeypointDepthMap& depths,
+                         const colmap::Reconstruction& model);
+
 // Scales the model so that the median of the depth scales that give its unit
-// is one. Returns the factor applied (1 without depth) and the spread of
-// log s_i over these images (1.4826 x median absolute deviation) [1].
-struct MetricScale {
-  double factor = 1;
-  double log_spread = 0;
-  size_t num_images = 0;
-};
-MetricScale NormalizeToDepth(const KeypointDepthMap& depths,
-                             colmap::Reconstruction* model);
+// is one. Returns these as they were before.
+MeasuredUnit NormalizeToDepth(const KeypointDepthMap& depths,
+                              colmap::Reconstruction* model);
 
 }  // namespace dgsfm

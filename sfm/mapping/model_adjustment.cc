@@ -14,7 +14,7 @@ namespace {
 // Relative decrease by an iteration that ends adjustments before the model is
 // complete.
 constexpr double kPreliminaryFunctionTolerance = 1e-4;
-// Factor of that of all others where there is little parallax.
+// Factor of the tolerance where there is little parallax.
 constexpr double kToleranceFactorInValleys = 1e-4;
 
 }  // namespace
@@ -70,9 +70,8 @@ bool AdjustModel(const MappingContext& context,
   if (options.skip_bundle_adjustment) return true;
   const int num_rounds = options.refinement.num_bundle_adjustment_rounds;
   BundleAdjustmentOptions adjustment = options.refinement.bundle_adjustment;
-  if (progress->has_little_parallax) {
-    FollowValleys(*progress, &adjustment);
-  } else if (options.HasFinalAdjustment()) {
+  FollowValleys(*progress, &adjustment);
+  if (options.HasFinalAdjustment() && !progress->has_little_parallax) {
     adjustment.function_tolerance =
         std::max(adjustment.function_tolerance, kPreliminaryFunctionTolerance);
   }

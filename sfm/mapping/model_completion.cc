@@ -305,8 +305,8 @@ void CompleteTracks(const MappingContext& context,
     if (!IsShareOf(model, kMinChangedShare, num_gained + num_filtered)) break;
   }
   // The last adjustment must be one without the observations that it has
-  // shown to be wrong: all of them may pull at one camera.
-  // Few of them bend a model with little parallax.
+  // shown to be wrong: all of them may pull at one camera. A model with little
+  // parallax is bent by a few.
   const double min_filtered_share =
       progress->has_little_parallax ? 0 : kMinFilteredShare;
   for (int round = 0; round < kMaxNumFinalRounds && num_filtered > 0 &&

@@ -48,6 +48,7 @@ TEST_F(UnitOfModelTest, IsThatOfRelativeMaps) {
   const MeasuredUnit unit = UnitWithScales(0.1, DepthUnit::RELATIVE);
   EXPECT_EQ(unit.unit, ModelUnit::DEPTH_MAPS);
   EXPECT_FALSE(unit.IsDoubtful());
+  EXPECT_FALSE(unit.is_metric);
 }
 
 TEST_F(UnitOfModelTest, IsThatOfMetricMapsAmongOthers) {
@@ -59,6 +60,7 @@ TEST_F(UnitOfModelTest, IsThatOfMetricMapsAmongOthers) {
   }
   const MeasuredUnit unit = UnitOfModel(depths_, scales, model_);
   EXPECT_EQ(unit.unit, ModelUnit::METRES);
+  EXPECT_TRUE(unit.is_metric);
   EXPECT_EQ(unit.num_images, 2);
   EXPECT_NEAR(unit.log_scale, std::log(2.0), 1e-12);
   EXPECT_NEAR(unit.log_spread, 0, 1e-12);
