@@ -145,7 +145,8 @@ void WriteComponent(const MappedComponent& component, const fs::path& folder) {
                {"cameras", result.cameras},
                {"unregistered_images", result.unregistered_images},
                {"depth_scales", result.depth_scales},
-               {"georeference", result.georeference}};
+               {"georeference", result.georeference},
+               {"refined_sensors", result.refined_sensors}};
   if (result.repeatability) json["repeatability"] = *result.repeatability;
   if (result.model) {
     WriteModel(*result.model, folder.string());
@@ -171,6 +172,7 @@ MappedComponent ReadComponent(const fs::path& folder) {
   json.at("unregistered_images").get_to(result.unregistered_images);
   json.at("depth_scales").get_to(result.depth_scales);
   json.at("georeference").get_to(result.georeference);
+  json.at("refined_sensors").get_to(result.refined_sensors);
   if (json.contains("repeatability")) {
     result.repeatability = json.at("repeatability").get<PoseMetrics>();
   }

@@ -114,10 +114,10 @@ RigScene HoldFrames(const PartJoinerOptions& options,
                     RigConstraints* constraints,
                     JoinedModel* model) {
   if (scene.rigs.Empty()) return {};
-  RigScene rigs = CalibrateRigs(
-      CamerasToCalibrate(scene.rigs, options.refine_sensor_from_rig),
-      model->poses,
-      scene.rigs);
+  std::set<colmap::camera_t> camera_ids =
+      CamerasToCalibrate(scene.rigs, options.refine_sensor_from_rig);
+  camera_ids.merge(TurnedSensors(model->poses, scene.rigs));
+  RigScene rigs = CalibrateRigs(camera_ids, model->poses, scene.rigs);
   constraints->frames = MembersOf(rigs);
   JoinFrames(constraints->frames, &model->poses);
   constraints->fix_scale =

@@ -3,8 +3,10 @@
 #include "colmap_ext/check.h"
 #include "sfm/georeferencing/model_joining.h"
 #include "sfm/georeferencing/pair_positions.h"
+#include "sfm/intrinsics/calibration_check.h"
 #include "sfm/mapping/rig_model.h"
 #include "sfm/view_graph/pair_recovery.h"
+#include "sfm/view_graph/sensor_check.h"
 #include "sfm/view_graph/view_graph_preparation.h"
 
 #include <algorithm>
@@ -62,8 +64,12 @@ std::optional<ComponentRotations> AverageRotationsOf(
   return rotations;
 }
 
-void AddComponent(ComponentResult component, DepthGlobalMapperResult* result) {
+void AddComponent(const RigScene& rigs,
+                  ComponentResult component,
+                  DepthGlobalMapperResult* result) {
   if (component.model) {
+    result->rigs.push_back(
+        CalibrateRigs(component.refined_sensors, *component.model, rigs));
     result->models.push_back(std::move(component.model));
     result->georeferences.push_back(component.georeference);
   }
@@ -170,7 +176,7 @@ void MapComponents(const MappingContext& context,
         SetReason(part, kNotConnected, &result->unregistered_images);
       }
     }
-    AddComponent(std::move(mapped.result), result);
+    AddComponent(context.scene.rigs, std::move(mapped.result), result);
   }
 }
 
@@ -180,18 +186,12 @@ void ArrangeModels(const MappingContext& context,
                    DepthGlobalMapperResult* result,
                    MappingLog* log) {
   auto& models = result->models;
-  const std::set<colmap::camera_t> calibrated = CamerasToCalibrate(
-      context.scene.rigs, context.options.refine_sensor_from_rig);
-  std::vector<RigScene> rigs;
-  for (const auto& model : models) {
-    rigs.push_back(CalibrateRigs(calibrated, *model, context.scene.rigs));
-  }
   if (context.options.georeferencing.join_models) {
     const size_t num_models = models.size();
     JoinGeoreferencedModels(FirstUnusedCameraId(context.scene),
                             &models,
                             &result->georeferences,
-                            &rigs);
+                            &result->rigs);
     if (models.size() < num_models) {
       log->Warn(std::to_string(num_models - models.size() + 1) +
                 " parts that no match connects are one model in the frame of "
@@ -206,13 +206,15 @@ void ArrangeModels(const MappingContext& context,
   });
   std::vector<std::unique_ptr<colmap::Reconstruction>> sorted;
   std::vector<ModelGeoreference> georeferences;
+  std::vector<RigScene> rigs;
   for (const size_t i : order) {
     sorted.push_back(std::move(models[i]));
     georeferences.push_back(std::move(result->georeferences[i]));
-    result->rigs.push_back(std::move(rigs[i]));
+    rigs.push_back(std::move(result->rigs[i]));
   }
   models = std::move(sorted);
   result->georeferences = std::move(georeferences);
+  result->rigs = std::move(rigs);
 }
 
 // Reversed or wrongly scaled baselines of rigs fit the matches of a model whose
@@ -317,6 +319,9 @@ DepthGlobalMapperResult RunGlobalMapping(
   DepthGlobalMapperResult result;
   MappingLog log;
   const CameraBeliefs camera_beliefs = GivenBeliefs(*scene);
+  for (const std::string& advice : PrincipalPointAdvice(scene->cameras)) {
+    log.Warn(advice);
+  }
   DropStaticBackground(options, verification, *depths, scene, pairs, &log);
   result.dropped_depths =
       DropUnreliableDepths(options, verification, *scene, depths, pairs, &log);
@@ -325,6 +330,7 @@ DepthGlobalMapperResult RunGlobalMapping(
   result.focals =
       AverageFocals(options, verification, *depths, scene, pairs, &log);
   WarnOfPlanes(*scene, *pairs, &log);
+  DropContradictedSensors(*pairs, scene, &log);
   const FrameMembers frames = MembersOf(scene->rigs);
   const MappingContext context = {
       options, verification, *scene, *depths, frames, camera_beliefs};

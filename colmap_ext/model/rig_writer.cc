@@ -18,22 +18,52 @@ struct ModelRigs {
   std::map<frame_t, Rigid3d> rig_from_world;
 };
 
-void AddFrames(const RigScene& rigs,
+// The rigs with those of their cameras alone whose poses are known and that the
+// model has: COLMAP refuses others, and wants a camera in one rig. A rig
+// without its reference has that of its first camera.
+std::map<rig_t, Rig> RigsInModel(const std::map<rig_t, Rig>& rigs,
+                                 const colmap::Reconstruction& model) {
+  std::map<rig_t, Rig> in_model;
+  for (const auto& [rig_id, rig] : rigs) {
+    Rig present;
+    for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
+      if (!cam_from_rig || !model.ExistsCamera(camera_id)) continue;
+      present.cam_from_rig[camera_id] = cam_from_rig;
+    }
+    if (present.cam_from_rig.empty()) continue;
+    present.ref_camera_id = rig.ref_camera_id;
+    if (present.cam_from_rig.count(rig.ref_camera_id) == 0) {
+      const auto& [first_id, first_from_rig] = *present.cam_from_rig.begin();
+      present.ref_camera_id = first_id;
+      const Rigid3d rig_from_first = first_from_rig->Inverse();
+      for (auto& [camera_id, cam_from_rig] : present.cam_from_rig) {
+        cam_from_rig = *cam_from_rig * rig_from_first;
+      }
+    }
+    in_model[rig_id] = std::move(present);
+  }
+  return in_model;
+}
+
+void AddFrames(const std::map<frame_t, Frame>& frames,
                const colmap::Reconstruction& model,
                std::set<colmap::image_t>* added,
                ModelRigs* all) {
-  for (const auto& [frame_id, frame] : rigs.frames) {
+  for (const auto& [frame_id, frame] : frames) {
+    const auto rig = all->rigs.rigs.find(frame.rig_id);
+    if (rig == all->rigs.rigs.end()) continue;
     for (const auto& [camera_id, image_id] : frame.images) {
-      if (!IsRegistered(model, image_id)) continue;
-      const auto& cam_from_rig =
-          rigs.rigs.at(frame.rig_id).cam_from_rig.at(camera_id);
-      if (!cam_from_rig) continue;
+      const auto cam_from_rig = rig->second.cam_from_rig.find(camera_id);
+      if (!IsRegistered(model, image_id) ||
+          cam_from_rig == rig->second.cam_from_rig.end()) {
+        continue;
+      }
       Frame& registered = all->rigs.frames[frame_id];
       registered.rig_id = frame.rig_id;
       registered.images[camera_id] = image_id;
-      all->rig_from_world.emplace(
-          frame_id,
-          cam_from_rig->Inverse() * CamFromWorld(model.Image(image_id)));
+      all->rig_from_world.emplace(frame_id,
+                                  cam_from_rig->second->Inverse() *
+                                      CamFromWorld(model.Image(image_id)));
       added->insert(image_id);
     }
   }
@@ -79,10 +109,9 @@ void WriteRigs(const RigScene& rigs,
                const colmap::Reconstruction& model,
                const std::string& folder) {
   ModelRigs all;
-  // COLMAP wants all sensors of a rig among the cameras of the model.
-  all.rigs.rigs = rigs.rigs;
+  all.rigs.rigs = RigsInModel(rigs.rigs, model);
   std::set<colmap::image_t> added;
-  AddFrames(rigs, model, &added, &all);
+  AddFrames(rigs.frames, model, &added, &all);
   AddSingleImages(model, added, &all);
 
   OutputFile rig_file(folder + "/rigs.bin");

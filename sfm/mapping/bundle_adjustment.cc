@@ -85,13 +85,24 @@ class ModelBundle {
         farthest = &image;
       }
     }
-    if (!farthest || rigs_.fix_scale) return;
+    if (!farthest || RigsHoldScale()) return;
     const Rigid3d& pose = farthest->frame < 0
                               ? farthest->cam_from_world
                               : bundle_.frames[farthest->frame].rig_from_world;
     int coordinate = 0;
     (pose * center).cwiseAbs().maxCoeff(&coordinate);
     ConstantPartsOf(farthest)[3 + coordinate] = true;
+  }
+
+  // Whether two images of a frame are at a distance that is not refined.
+  bool RigsHoldScale() const {
+    FrameMembers held;
+    for (const auto& [image_id, member] : rigs_.frames) {
+      if (rigs_.refined_cameras.count(member.camera_id) == 0) {
+        held.emplace(image_id, member);
+      }
+    }
+    return HasBaseline(held, image_ids_);
   }
 
   void AddCenterPriors(const CenterPriors& priors) {

@@ -44,7 +44,7 @@ struct RigConstraints {
   FrameMembers frames;
   // Cameras whose pose in their rig is refined.
   std::set<colmap::camera_t> refined_cameras;
-  // Whether the rigs fix the scale.
+  // Whether the model has the unit of the rigs' baselines.
   bool fix_scale = false;
   // Whether the images, all of them at the origin, stay there and only turn.
   bool at_one_center = false;

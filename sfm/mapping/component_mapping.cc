@@ -4,10 +4,12 @@
 #include "colmap_ext/pose_access.h"
 #include "colmap_ext/process_memory.h"
 #include "sfm/georeferencing/georeferencing.h"
+#include "sfm/intrinsics/calibration_check.h"
 #include "sfm/intrinsics/camera_model_check.h"
 #include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_adjustment.h"
 #include "sfm/mapping/model_completion.h"
+#include "sfm/mapping/sensor_calibration.h"
 #include "sfm/mapping/shared_center.h"
 #include "sfm/mapping/split_half.h"
 
@@ -112,12 +114,14 @@ ModelInProgress CreateProgress(const MappingContext& context,
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
   progress.rigs.frames = context.frames;
-  if (context.options.refine_sensor_from_rig) {
-    progress.rigs.refined_cameras =
-        CamerasToCalibrate(context.scene.rigs, /*all=*/true);
-  } else {
-    progress.rigs.fix_scale = HasBaseline(context.frames, image_ids);
+  progress.rigs.refined_cameras =
+      CamerasToCalibrate(context.scene.rigs, /*all=*/true);
+  for (const colmap::camera_t unknown :
+       CamerasToCalibrate(context.scene.rigs, /*all=*/false)) {
+    progress.rigs.refined_cameras.erase(unknown);
   }
+  progress.rigs.fix_scale = !context.options.refine_sensor_from_rig &&
+                            HasBaseline(context.frames, image_ids);
   return progress;
 }
 
@@ -207,6 +211,9 @@ void FinishModel(const MappingContext& context,
        FilterImages(context.options.refinement, progress->rigs.frames, model)) {
     result->unregistered_images[image_id] = reason;
   }
+  if (!progress->rigs.refined_cameras.empty()) {
+    UseUnitOfRigs(context.frames, progress);
+  }
   MeasuredUnit unit;
   result->georeference = FinishFrame(context, progress, &unit, log);
   for (const auto& [image_id, scale] :
@@ -216,6 +223,13 @@ void FinishModel(const MappingContext& context,
   UpdatePointErrors(model);
   model->TearDown();
   if (const auto advice = CameraModelAdvice(MeasureRadialErrors(*model))) {
+    log->Warn(*advice);
+  }
+  if (const auto advice =
+          CalibratedFocalAdvice(context.options.refinement.bundle_adjustment
+                                    .intrinsics.focal_length_stddev_ratio,
+                                progress->beliefs.given,
+                                *model)) {
     log->Warn(*advice);
   }
   if (const auto advice = ParallaxAdvice(
@@ -281,7 +295,8 @@ void CompleteComponent(const MappingContext& context,
                        ComponentResult* result,
                        MappingLog* log) {
   colmap::Reconstruction& model = progress->model;
-  const bool success = is_refined && CalibrateSensors(context, progress, log);
+  const bool success = is_refined && CalibrateSensors(context, progress, log) &&
+                       HoldSensors(context, progress, log);
   if (success) {
     CalibrateCameras(context, progress, log);
     CompleteTracks(context, *pairs, progress, log);
@@ -304,6 +319,7 @@ void CompleteComponent(const MappingContext& context,
     return;
   }
   FinishCameras(context, progress, result);
+  result->refined_sensors = progress->rigs.refined_cameras;
   result->model = std::make_unique<colmap::Reconstruction>(std::move(model));
 }
 

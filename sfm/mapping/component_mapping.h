@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 namespace dgsfm {
@@ -24,6 +25,8 @@ struct ComponentResult {
   // Factors of the depth maps of registered images against the model.
   std::map<colmap::image_t, double> depth_scales;
   ModelGeoreference georeference;
+  // Cameras whose pose in their rig is that of the model.
+  std::set<colmap::camera_t> refined_sensors;
   std::optional<PoseMetrics> repeatability;
 };
 

@@ -158,19 +158,6 @@ bool RefineModel(const MappingContext& context,
   return progress->model.NumPoints3D() > 0;
 }
 
-bool CalibrateSensors(const MappingContext& context,
-                      ModelInProgress* progress,
-                      MappingLog* log) {
-  const std::set<colmap::camera_t> camera_ids =
-      CamerasToCalibrate(context.scene.rigs, /*all=*/false);
-  if (camera_ids.empty()) return true;
-  RigConstraints& rigs = progress->rigs;
-  rigs.refined_cameras.insert(camera_ids.begin(), camera_ids.end());
-  rigs = CurrentRigs(context, rigs, progress->model);
-  JoinFrames(rigs.frames, &progress->model);
-  return AdjustModel(context, progress, log);
-}
-
 void FreePrincipalPoints(const MappingContext& context,
                          ModelInProgress* progress) {
   if (progress->has_little_parallax) {

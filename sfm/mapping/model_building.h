@@ -19,13 +19,6 @@ bool RefineModel(const MappingContext& context,
                  ModelInProgress* progress,
                  MappingLog* log);
 
-// Estimates unknown poses of cameras in their rigs by those of the images of a
-// refined model, joins these images, and adjusts the model again. Returns false
-// if a solver failed or no point is left.
-bool CalibrateSensors(const MappingContext& context,
-                      ModelInProgress* progress,
-                      MappingLog* log);
-
 // Adapts the loss of the final adjustments to the model's errors, and frees the
 // principal points that the model determines.
 void CalibrateCameras(const MappingContext& context,

@@ -2,41 +2,22 @@
 
 #include "colmap_ext/model/registered_images.h"
 #include "colmap_ext/pose_access.h"
+#include "estimators/averaging/median_rotation.h"
 #include "estimators/median.h"
 #include "estimators/optimization/ray_intersection.h"
 
-#include <algorithm>
 #include <vector>
-
-#include <Eigen/Eigenvalues>
 
 namespace dgsfm {
 
 namespace {
 
-// Rounds of the median rotation: each weighs by the inverse of the angle to the
-// average before.
-constexpr int kNumRotationRounds = 10;
-constexpr double kMinAngle = 1e-9;  // [rad]
+// Share of distances along the given baselines below which these point
+// elsewhere.
+constexpr double kMinAlignedShare = 0.5;
 
-// Geodesic median by reweighted means of quaternions.
-Eigen::Quaterniond MedianRotation(
-    const std::vector<Eigen::Quaterniond>& rotations) {
-  Eigen::Quaterniond median = rotations.front();
-  for (int round = 0; round < kNumRotationRounds; ++round) {
-    Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
-    for (const Eigen::Quaterniond& rotation : rotations) {
-      const double weight =
-          round == 0
-              ? 1
-              : 1 / std::max(median.angularDistance(rotation), kMinAngle);
-      sum += weight * rotation.coeffs() * rotation.coeffs().transpose();
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(sum);
-    median.coeffs() = eigen.eigenvectors().col(3);
-  }
-  return median;
-}
+// Angle beyond which a camera is not held [rad].
+constexpr double kMaxHeldAngle = 1e-6;
 
 // What several images make of one pose.
 struct Poses {
@@ -94,9 +75,27 @@ RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
   return calibrated;
 }
 
+std::set<colmap::camera_t> TurnedSensors(const colmap::Reconstruction& model,
+                                         const RigScene& rigs) {
+  const RigScene found =
+      CalibrateRigs(CamerasToCalibrate(rigs, /*all=*/true), model, rigs);
+  std::set<colmap::camera_t> turned;
+  for (const auto& [rig_id, rig] : rigs.rigs) {
+    for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
+      if (!cam_from_rig) continue;
+      const Eigen::Quaterniond& rotation =
+          found.rigs.at(rig_id).cam_from_rig.at(camera_id)->rotation;
+      if (cam_from_rig->rotation.angularDistance(rotation) > kMaxHeldAngle) {
+        turned.insert(camera_id);
+      }
+    }
+  }
+  return turned;
+}
+
 std::optional<double> ModelFromRigScale(const FrameMembers& frames,
                                         const colmap::Reconstruction& model) {
-  std::vector<double> ratios;
+  std::vector<double> ratios, length_ratios;
   for (const auto& [frame_id, image_ids] : ImagesOfFrames(frames, model)) {
     for (size_t i = 0; i < image_ids.size(); ++i) {
       for (size_t j = 0; j < i; ++j) {
@@ -117,11 +116,14 @@ std::optional<double> ModelFromRigScale(const FrameMembers& frames,
             CamFromWorld(model.Image(image_ids[j])).TargetOriginInSource();
         ratios.push_back((world_from_rig * baseline).dot(distance) /
                          baseline.squaredNorm());
+        length_ratios.push_back(distance.norm() / baseline.norm());
       }
     }
   }
   if (ratios.empty()) return std::nullopt;
-  return Median(ratios);
+  const double ratio = Median(ratios);
+  const double length_ratio = Median(length_ratios);
+  return ratio > kMinAlignedShare * length_ratio ? ratio : length_ratio;
 }
 
 void JoinFrames(const FrameMembers& frames, colmap::Reconstruction* model) {

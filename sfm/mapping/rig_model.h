@@ -20,9 +20,15 @@ RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
                        const colmap::Reconstruction& model,
                        const RigScene& rigs);
 
+// Cameras of known pose, references aside, that a model has turned in their
+// rig: models hold the others to rounding.
+std::set<colmap::camera_t> TurnedSensors(const colmap::Reconstruction& model,
+                                         const RigScene& rigs);
+
 // Ratio of the unit of a model to that of the rigs by the distances of the
-// images of frames; nothing if no frame has two registered images of different
-// centres.
+// images of frames along the baselines of the rigs, or in any direction where
+// these point elsewhere; nothing if no frame has two registered images of
+// different centres.
 std::optional<double> ModelFromRigScale(const FrameMembers& frames,
                                         const colmap::Reconstruction& model);
 

@@ -6,6 +6,7 @@ Usage: COLMAP=PATH rig_models.py WORK_DIR
 Exit code 77 if pycolmap is not installed.
 """
 
+import json
 import os
 import pathlib
 import shutil
@@ -123,11 +124,88 @@ def check_unknown(work):
         assert error < 0.01 * np.linalg.norm(pose.translation), error
 
 
+def turn_sensor(database_path, angle_deg):
+    """Turns the pose of the second camera in the rig about its y axis."""
+    half = np.deg2rad(angle_deg) / 2
+    turn = pycolmap.Rigid3d(
+        pycolmap.Rotation3d(np.array([0, np.sin(half), 0, np.cos(half)])), np.zeros(3)
+    )
+    with pycolmap.Database.open(database_path) as database:
+        (rig,) = (rig for rig in database.read_all_rigs() if rig.num_sensors() > 1)
+        sensor, pose = next(iter(rig.non_ref_sensors.items()))
+        rig.set_sensor_from_rig(sensor, turn * pose)
+        database.update_rig(rig)
+
+
+def relative_rotation_errors_deg(model, truth):
+    """Of all pairs of images against the truth."""
+    found = {image.name: image for image in model.images.values() if image.has_pose}
+    true = {image.name: image for image in truth.images.values() if image.has_pose}
+    names = sorted(found)
+    return [
+        np.rad2deg(
+            (
+                relative(found[a], found[b]).rotation.inverse()
+                * relative(true[a], true[b]).rotation
+            ).angle()
+        )
+        for a in names
+        for b in names
+        if a < b
+    ]
+
+
+def relative(image1, image2):
+    return image2.cam_from_world() * image1.cam_from_world().inverse()
+
+
+def check_wrong(work):
+    """Wrong rotations in a rig are found: small ones by the model, large ones by
+    pairs. Held, they are errors of all pairs of two cameras."""
+    for angle_deg in (1, 60):
+        folder = work / f"wrong{angle_deg}"
+        truth = synthesize(folder, 2, 0.3)
+        turn_sensor(folder / "database.db", angle_deg)
+        model = map_database(folder, "model")
+        assert model.num_reg_frames() == 8
+        errors_deg = relative_rotation_errors_deg(model, truth)
+        # As of unknown poses.
+        assert max(errors_deg) < 0.2, (angle_deg, max(errors_deg))
+        report = json.loads((folder / "model" / "report.json").read_text())
+        assert any("camera 2 in its rig" in text for text in report["warnings"])
+
+
+def check_apart(work):
+    """A camera of unknown pose whose images match no other camera's is in none of
+    the rigs of a model."""
+    folder = work / "apart"
+    synthesize(folder, 3, 0.3)
+    connection = sqlite3.connect(folder / "database.db")
+    connection.execute("UPDATE rig_sensors SET sensor_from_rig = NULL WHERE sensor_id = 3")
+    cameras = dict(connection.execute("SELECT image_id, camera_id FROM images"))
+    for table in ("matches", "two_view_geometries"):
+        pair_ids = [row[0] for row in connection.execute(f"SELECT pair_id FROM {table}")]
+        for pair_id in pair_ids:
+            pair = {cameras[pair_id // 2147483647], cameras[pair_id % 2147483647]}
+            if 3 in pair and len(pair) > 1:
+                connection.execute(f"DELETE FROM {table} WHERE pair_id = ?", (pair_id,))
+    connection.commit()
+    connection.close()
+    model = map_database(folder, "model")
+    assert model.num_reg_images() == 16
+    assert all(rig.num_sensors() == 2 for rig in model.rigs.values())
+    other = pycolmap.Reconstruction(folder / "model" / "1")
+    assert other.num_reg_images() == 8
+    assert all(rig.num_sensors() == 1 for rig in other.rigs.values())
+
+
 def main():
     work = pathlib.Path(sys.argv[1])
     shutil.rmtree(work, ignore_errors=True)
     check_known(work)
     check_unknown(work)
+    check_wrong(work)
+    check_apart(work)
 
 
 if __name__ == "__main__":
