@@ -8,8 +8,10 @@
 #include "estimators/option_check.h"
 #include "sfm/intrinsics/prior_trust.h"
 
+#include <algorithm>
 #include <chrono>
 #include <iostream>
+#include <stdexcept>
 #include <utility>
 
 #include <glog/logging.h>
@@ -95,6 +97,23 @@ class CheckpointedPairs {
   PairGeometries finished_;
   Clock::time_point last_stored_ = Clock::now();
 };
+
+// The paper has estimators for pairs with depth, and for known focal lengths.
+void CheckEstimatorsOfPaper(const DepthGeometricVerifierOptions& options,
+                            const Scene& scene,
+                            const KeypointDepthMap& depths) {
+  const bool has_focals = std::any_of(
+      scene.cameras.begin(), scene.cameras.end(), [](const auto& camera) {
+        return camera.second.HasPriorFocalLength();
+      });
+  if (options.verification.two_view.paper && depths.empty() && !has_focals &&
+      !scene.cameras.empty()) {
+    throw std::runtime_error(
+        "--paper 1 has no estimator for images without depth whose focal "
+        "lengths are unknown: leave it out, import depth maps "
+        "(depth_importer), or give focal lengths");
+  }
+}
 
 }  // namespace
 
@@ -205,6 +224,7 @@ KeypointDepthMap LoadDepths(const DepthGeometricVerifierOptions& options,
                       "mapping without metric scale";
     }
   }
+  CheckEstimatorsOfPaper(options, scene, depths);
   timer.Add("images", double(depths.size()));
   timer.Finish(stages);
   return depths;

@@ -198,6 +198,28 @@ TEST_F(GlobalDepthMapperTest, PaperPresetIsAppliedHoweverItIsSaid) {
   EXPECT_FALSE(is_paper({"--project_path", project, "--paper", "0"}));
 }
 
+TEST(GlobalDepthMapper, PaperNeedsDepthOrFocalLengths) {
+  const std::string dir = CreateTestDir();
+  const std::string path = SynthesizeDatabase(
+      dir, {"--num_images", "10", "--known_focal_length", "0"});
+  const auto map = [&](const std::string& use_depth) {
+    return RunForTest(&RunDepthGlobalMapper,
+                      {"--database_path",
+                       path,
+                       "--output_path",
+                       dir + "/models",
+                       "--paper",
+                       "1",
+                       "--use_depth",
+                       use_depth});
+  };
+  EXPECT_EQ(map("1").code, 0);
+  const CommandResult result = map("0");
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("--paper 1 has no estimator"), std::string::npos)
+      << result.err;
+}
+
 TEST(GlobalDepthMapper, OneModelIsOneThoughItsPairsFallApart) {
   const std::string dir = CreateTestDir();
   const std::string path = SynthesizeDatabase(dir,
