@@ -211,6 +211,7 @@ void FinishModel(const MappingContext& context,
        FilterImages(context.options.refinement, progress->rigs.frames, model)) {
     result->unregistered_images[image_id] = reason;
   }
+  RemovePointsWithoutDistance(model);
   if (!progress->rigs.refined_cameras.empty()) {
     UseUnitOfRigs(context.frames, progress);
   }

@@ -25,6 +25,10 @@ constexpr double kMinStuckRatio = 20;
 // Centres nearer than this are the same [median distance of points].
 constexpr double kMaxSpreadRatio = 1e-6;
 
+// Error of a key point, by which rays without parallax may enclose an angle
+// [px].
+constexpr double kKeypointErrorPx = 1;
+
 using Rays = std::vector<Eigen::Vector3d>;
 
 // Rays of unit length of a track [world].
@@ -181,6 +185,24 @@ size_t MoveStuckPoints(colmap::Reconstruction* model) {
     ++num_moved;
   }
   return num_moved;
+}
+
+size_t RemovePointsWithoutDistance(colmap::Reconstruction* model) {
+  if (IsAtOneCenter(*model)) return 0;
+  const ImageCenters centers = CentersOf(*model);
+  size_t num_removed = 0;
+  for (const colmap::point3D_t point_id : SortedPoints(*model)) {
+    const colmap::Point3D& point = model->Point3D(point_id);
+    const colmap::image_t image_id = point.Track().Element(0).image_id;
+    const double focal_length_px =
+        model->Camera(model->Image(image_id).CameraId()).MeanFocalLength();
+    if (IsTriangulated(point, centers, kKeypointErrorPx / focal_length_px)) {
+      continue;
+    }
+    model->DeletePoint3D(point_id);
+    ++num_removed;
+  }
+  return num_removed;
 }
 
 bool IsAtOneCenter(const colmap::Reconstruction& model) {

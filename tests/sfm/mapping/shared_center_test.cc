@@ -11,9 +11,9 @@ namespace dgsfm {
 namespace {
 
 // Images in a row along a wall, each point about as far away as the next.
-class MoveStuckPointsTest : public testing::Test {
+class LowParallaxModel : public testing::Test {
  protected:
-  MoveStuckPointsTest() {
+  LowParallaxModel() {
     SyntheticSceneOptions options;
     options.family = SceneFamily::LOW_PARALLAX;
     options.num_images = 6;
@@ -46,14 +46,14 @@ class MoveStuckPointsTest : public testing::Test {
   Eigen::Vector3d xyz_;
 };
 
-TEST_F(MoveStuckPointsTest, LeavesPointsThatAreNotStuck) {
+TEST_F(LowParallaxModel, LeavesPointsThatAreNotStuck) {
   EXPECT_EQ(MoveStuckPoints(&model_), 0);
   MoveTo(4);
   EXPECT_EQ(MoveStuckPoints(&model_), 0);
   EXPECT_NEAR(Ratio(), 4, 1e-9);
 }
 
-TEST_F(MoveStuckPointsTest, MovesPointsToTheMedianDistanceAlongTheirRays) {
+TEST_F(LowParallaxModel, MovesPointsToTheMedianDistanceAlongTheirRays) {
   for (const double factor : {1e12, 1e-6}) {
     MoveTo(factor);
     EXPECT_EQ(MoveStuckPoints(&model_), 1);
@@ -69,7 +69,22 @@ TEST_F(MoveStuckPointsTest, MovesPointsToTheMedianDistanceAlongTheirRays) {
   }
 }
 
-TEST_F(MoveStuckPointsTest, NeedsNoPoints) {
+TEST_F(LowParallaxModel, LosesPointsWithoutDistance) {
+  const size_t num_points = model_.NumPoints3D();
+  // Points that the family shows are seen under half a degree and more.
+  EXPECT_EQ(RemovePointsWithoutDistance(&model_), 0);
+  MoveTo(1e6);
+  EXPECT_EQ(RemovePointsWithoutDistance(&model_), 1);
+  EXPECT_EQ(model_.NumPoints3D(), num_points - 1);
+  EXPECT_FALSE(model_.ExistsPoint3D(point_id_));
+}
+
+TEST_F(LowParallaxModel, KeepsPointsOfOneCenter) {
+  MoveToOneCenter(&model_);
+  EXPECT_EQ(RemovePointsWithoutDistance(&model_), 0);
+}
+
+TEST_F(LowParallaxModel, NeedsNoPoints) {
   colmap::Reconstruction empty;
   EXPECT_EQ(MoveStuckPoints(&empty), 0);
 }
