@@ -7,7 +7,7 @@ namespace dgsfm {
 namespace {
 
 // To be raised whenever the mapping gives another result for the same input.
-constexpr uint32_t kVersion = 28;
+constexpr uint32_t kVersion = 29;
 
 template <typename Matrix>
 void AddNumbers(const Matrix& numbers, FnvHash* hash) {

@@ -61,8 +61,8 @@ std::vector<CameraGroup> FindCameraClasses(
     const colmap::Reconstruction& model) {
   const std::map<colmap::camera_t, int> kinds = CameraKinds(beliefs);
   std::map<int, std::set<colmap::camera_t>> classes;
-  for (const colmap::image_t image_id : SortedRegisteredImages(model)) {
-    const colmap::camera_t camera_id = model.Image(image_id).CameraId();
+  for (const auto& [image_id, image] : model.Images()) {
+    const colmap::camera_t camera_id = image.CameraId();
     if (PriorStddevs(prior, beliefs, camera_id)(0) > 0) {
       classes[kinds.at(camera_id)].insert(camera_id);
     }

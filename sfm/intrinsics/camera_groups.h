@@ -17,8 +17,9 @@ namespace dgsfm {
 // 0.2 %.
 std::map<colmap::camera_t, int> CameraKinds(const CameraBeliefs& beliefs);
 
-// A group of each kind of cameras that registered images have two of or more:
-// the same camera for all that is known without a look at the images.
+// A group of each kind of cameras that the images of a model have two of or
+// more: the same camera for all that is known without a look at the images.
+// Images that are not registered yet get the intrinsics of the others.
 std::vector<CameraGroup> FindCameraClasses(const IntrinsicsPriorOptions& prior,
                                            const CameraBeliefs& beliefs,
                                            const colmap::Reconstruction& model);
