@@ -6,6 +6,7 @@
 #include "sfm/mapping/rig_model.h"
 #include "sfm/mapping/shared_center.h"
 
+#include <algorithm>
 #include <cmath>
 #include <iomanip>
 #include <map>
@@ -21,6 +22,8 @@ namespace {
 constexpr int kNumParams = 6;  // of a camera's pose in its rig
 // How much more than expected held cameras may cost, over what is expected.
 constexpr double kMaxExcessRatio = 5;
+// Errors below this are those of the solver [px].
+constexpr double kMinErrorPx = 0.01;
 
 // Known cameras with an image in the model, references aside.
 std::set<colmap::camera_t> KnownSensors(const MappingContext& context,
@@ -143,15 +146,19 @@ bool HoldSensors(const MappingContext& context,
                  ModelInProgress* progress,
                  MappingLog* log) {
   std::set<colmap::camera_t> held = KnownSensors(context, progress->model);
-  if (held.empty() || context.options.refine_sensor_from_rig) return true;
+  if (held.empty() || context.options.refine_sensor_from_rig ||
+      context.options.skip_bundle_adjustment) {
+    return true;
+  }
   StageTimer timer("rigs");
   if (!AdjustHeld(context, {}, progress)) return false;
   const BundleAdjustmentOptions& adjustment =
       context.options.refinement.bundle_adjustment;
   const double refined_cost =
       CostOfObservations(adjustment.Loss(), progress->model);
-  const double cost_of_param =
-      refined_cost / double(2 * progress->model.ComputeNumObservations());
+  const double cost_of_param = std::max(
+      refined_cost / double(2 * progress->model.ComputeNumObservations()),
+      kMinErrorPx * kMinErrorPx / 2);
   const SensorErrors errors = ErrorsOf(context, held, progress->model);
   std::optional<ModelInProgress> best;
   for (; !held.empty(); FreeWorst(errors, &held)) {
@@ -160,10 +167,8 @@ bool HoldSensors(const MappingContext& context,
     const double excess =
         CostOfObservations(adjustment.Loss(), trial.model) - refined_cost;
     const double expected = kNumParams * double(held.size()) * cost_of_param;
-    VLOG(1) << held.size()
-            << " cameras of rigs held: cost above that of refined "
-               "ones "
-            << excess / expected << " of what is expected";
+    VLOG(1) << held.size() << " cameras of rigs held cost " << excess / expected
+            << " times what is expected";
     if (excess <= (1 + kMaxExcessRatio) * expected) {
       best = std::move(trial);
       break;
