@@ -30,8 +30,8 @@ struct LengthFilterResult {
   AveragedCenters centers;
 };
 
-// Filters the valid pairs by translations of the lengths that shared points
-// give them (sfm/view_graph/pair_lengths.h), whatever depth claims.
+// Filters the valid pairs by translations of the lengths that points give them
+// which several pairs see: no depth is needed.
 LengthFilterResult FilterByLength(
     const ComponentAveragingOptions& options,
     const Scene& scene,
