@@ -1,29 +1,26 @@
-#include "controllers/commands/command_documents.h"
+// Documents that are generated from the options of the commands: man pages,
+// completions of shells, and lists for the documentation and for tests.
 
 #include "colmap_ext/output_file.h"
+#include "controllers/commands/command_options.h"
 #include "controllers/commands/commands.h"
 #include "controllers/output_folder.h"
 
 #include <filesystem>
-#include <iostream>
+#include <string>
+#include <vector>
 
+#include <boost/algorithm/string.hpp>
 #include <nlohmann/json.hpp>
 
 namespace dgsfm {
 
 namespace {
 
+using CommandDescriptions = std::vector<CommandDescription>;
 using Option = CommandDescription::Option;
+namespace ba = boost::algorithm;
 namespace fs = std::filesystem;
-
-std::string Join(const std::vector<std::string>& texts,
-                 const std::string& separator) {
-  std::string joined;
-  for (const std::string& text : texts) {
-    joined += (joined.empty() ? "" : separator) + text;
-  }
-  return joined;
-}
 
 // Replaces each of the characters by itself after a backslash.
 std::string Escape(const std::string& text, const std::string& characters) {
@@ -36,10 +33,7 @@ std::string Escape(const std::string& text, const std::string& characters) {
 }
 
 bool IsPath(const Option& option) {
-  const std::string ending = "_path";
-  return option.name.size() >= ending.size() &&
-         option.name.compare(
-             option.name.size() - ending.size(), ending.size(), ending) == 0;
+  return ba::ends_with(option.name, "_path");
 }
 
 // The values that a shell can offer, if they are few.
@@ -61,7 +55,7 @@ std::string ManHeading(const std::string& title, const std::string& program) {
 std::string ManOption(const Option& option) {
   std::string text =
       ".TP\n.BI " + Escape("--" + option.name, "-") + " \" " +
-      (option.choices.empty() ? option.type : Join(option.choices, "|")) +
+      (option.choices.empty() ? option.type : ba::join(option.choices, "|")) +
       "\"\n" + Roff(option.help) + ".\n";
   if (option.is_required) return text + "Required.\n";
   return option.default_text.empty()
@@ -76,17 +70,12 @@ std::string ManExitStatus() {
 
 // Single quotes of a shell.
 std::string Quoted(const std::string& text) {
-  std::string quoted = "'";
-  for (const char character : text) {
-    quoted +=
-        character == '\'' ? std::string("'\\''") : std::string(1, character);
-  }
-  return quoted + "'";
+  return "'" + ba::replace_all_copy(text, "'", "'\\''") + "'";
 }
 
 std::string ZshOption(const Option& option) {
   const std::vector<std::string> values = Values(option);
-  const std::string action = !values.empty()  ? "(" + Join(values, " ") + ")"
+  const std::string action = !values.empty() ? "(" + ba::join(values, " ") + ")"
                              : IsPath(option) ? "_files"
                                               : "";
   return Quoted("--" + option.name + "[" + Escape(option.help, "[]:\\") +
@@ -100,8 +89,7 @@ std::string Code(const std::string& text) {
   return text.empty() ? "" : "`" + text + "`";
 }
 
-}  // namespace
-
+// The commands of users, in the order of the help text.
 CommandDescriptions DescribeCommands() {
   CommandDescriptions descriptions;
   for (const Command& command : Commands()) {
@@ -114,6 +102,7 @@ CommandDescriptions DescribeCommands() {
   return descriptions;
 }
 
+// Here and below, `program` is the name that users type.
 std::string ProgramManPage(const std::string& program,
                            const CommandDescriptions& commands) {
   std::string text = ManHeading(program, program) + ".SH NAME\n" +
@@ -168,7 +157,7 @@ std::string BashCompletion(const std::string& program,
       const std::string pattern =
           "    " + command.command + ":--" + option.name + ") echo ";
       if (!Values(option).empty()) {
-        values += pattern + Quoted(Join(Values(option), " ")) + " ;;\n";
+        values += pattern + Quoted(ba::join(Values(option), " ")) + " ;;\n";
       }
     }
     options += "    " + command.command + ") echo " +
@@ -241,6 +230,7 @@ std::string ZshCompletion(const std::string& program,
          cases + "    *) _files ;;\n  esac\n}\n\n_dgsfm \"$@\"\n";
 }
 
+// A Markdown page.
 std::string CommandReference(const std::string& program,
                              const CommandDescriptions& commands) {
   std::string text =
@@ -260,17 +250,18 @@ std::string CommandReference(const std::string& program,
             "\n\n| option | values | default | meaning |\n"
             "| --- | --- | --- | --- |\n";
     for (const Option& option : command.options) {
-      text +=
-          "| `--" + option.name + "` | " +
-          (option.choices.empty() ? option.type : Join(option.choices, ", ")) +
-          " | " +
-          (option.is_required ? "required" : Code(option.default_text)) +
-          " | " + Cell(option.help) + " |\n";
+      text += "| `--" + option.name + "` | " +
+              (option.choices.empty() ? option.type
+                                      : ba::join(option.choices, ", ")) +
+              " | " +
+              (option.is_required ? "required" : Code(option.default_text)) +
+              " | " + Cell(option.help) + " |\n";
     }
   }
   return text;
 }
 
+// An object of command names, each with summary and options.
 std::string CommandsJson(const CommandDescriptions& commands) {
   nlohmann::ordered_json json;
   for (const CommandDescription& command : commands) {
@@ -287,6 +278,8 @@ std::string CommandsJson(const CommandDescriptions& commands) {
   }
   return JsonText(json, 2) + "\n";
 }
+
+}  // namespace
 
 int RunCommandDocuments(int argc, char** argv) {
   std::string output_path;
