@@ -22,7 +22,6 @@
 #include <map>
 #include <optional>
 #include <sstream>
-#include <utility>
 
 #include <glog/logging.h>
 
@@ -309,7 +308,7 @@ bool PartJoinerOptions::IsValid(std::string* error) const {
       .AreKept();
 }
 
-PartJoinerSummary JoinParts(const PartJoinerOptions& options) {
+std::string JoinParts(const PartJoinerOptions& options) {
   CheckOptions(options);
   RunFolder folder(options.output_path,
                    {kProjectFile, kReportFile, kGeoreferenceFile});
@@ -339,7 +338,6 @@ PartJoinerSummary JoinParts(const PartJoinerOptions& options) {
       .Add("contradictions", double(grouped.contradictions.size()));
   timer.Finish(&log.stages);
 
-  PartJoinerSummary summary;
   std::vector<FinishedModel> models;
   std::vector<ModelGeoreference> georeferences;
   for (size_t i = 0; i < grouped.groups.size(); ++i) {
@@ -351,8 +349,6 @@ PartJoinerSummary JoinParts(const PartJoinerOptions& options) {
                                  &parts,
                                  &log));
     georeferences.push_back(models.back().georeference);
-    summary.model_paths.push_back(
-        (fs::path(options.output_path) / std::to_string(i)).string());
   }
   WriteReport(folder.StagedFile(kReportFile), scene, models, log);
   if (pose_priors.frame && options.georeferencing.georeference) {
@@ -361,8 +357,7 @@ PartJoinerSummary JoinParts(const PartJoinerOptions& options) {
                       georeferences);
   }
   folder.Publish();
-  summary.text = Describe(models, log, options.output_path);
-  return summary;
+  return Describe(models, log, options.output_path);
 }
 
 int RunModelJoiner(int argc, char** argv) {
@@ -375,7 +370,7 @@ int RunModelJoiner(int argc, char** argv) {
   if (const auto exit_code = command_options.Parse(argc, argv)) {
     return *exit_code;
   }
-  std::cout << JoinParts(options).text << std::flush;
+  std::cout << JoinParts(options) << std::flush;
   return 0;
 }
 

@@ -9,7 +9,6 @@
 #include "sfm/joining/part_joining.h"
 
 #include <string>
-#include <vector>
 
 namespace dgsfm {
 
@@ -43,17 +42,12 @@ struct PartJoinerOptions {
 // Binds all options; call before parsing.
 void BindOptions(PartJoinerOptions* options, CommandOptions* command_options);
 
-struct PartJoinerSummary {
-  std::vector<std::string> model_paths;
-  // What was made, and how good it looks.
-  std::string text;
-};
-
 // Joins the models of parts, adjusts what came out of it by blocks of one part
 // and writes models, report.json and project.ini. Cameras, images, rigs and
 // positions are read from the database, neither key points nor matches. Memory
 // grows with the observations of the models. Throws std::invalid_argument on
 // options that are not valid, std::runtime_error naming file, image or model.
-PartJoinerSummary JoinParts(const PartJoinerOptions& options);
+// Returns what was made, and how good it looks, as text.
+std::string JoinParts(const PartJoinerOptions& options);
 
 }  // namespace dgsfm
