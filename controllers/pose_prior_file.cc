@@ -1,6 +1,5 @@
 #include "controllers/pose_prior_file.h"
 
-#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -10,6 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include <boost/algorithm/string.hpp>
 #include <glog/logging.h>
 
 namespace dgsfm {
@@ -25,10 +25,7 @@ constexpr double kMaxCoordinate = 1e8;
 constexpr char kByteOrderMark[] = "\xef\xbb\xbf";
 
 std::string Trim(const std::string& text) {
-  constexpr char kSpaces[] = " \t\r\"";
-  const size_t begin = text.find_first_not_of(kSpaces);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kSpaces) + 1 - begin);
+  return boost::trim_copy_if(text, boost::is_any_of(" \t\r\""));
 }
 
 std::vector<std::string> SplitLine(const std::string& line) {

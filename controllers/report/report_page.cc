@@ -13,6 +13,8 @@
 #include <filesystem>
 #include <limits>
 
+#include <boost/algorithm/string/replace.hpp>
+
 namespace dgsfm {
 namespace {
 
@@ -196,18 +198,9 @@ Json ReportPageData(const ReportPageInput& input) {
 void WriteReportPage(const ReportPageInput& input, const std::string& path) {
   std::string data = JsonText(ReportPageData(input), -1);
   // A name of an image must not end the element that holds the data.
-  std::string escaped;
-  escaped.reserve(data.size());
-  for (const char character : data) {
-    if (character == '<') {
-      escaped += "\\u003c";
-    } else {
-      escaped += character;
-    }
-  }
+  boost::algorithm::replace_all(data, "<", "\\u003c");
   std::string page = kReportPageTemplate;
-  page.replace(
-      page.find(kReportDataMark), sizeof(kReportDataMark) - 1, escaped);
+  page.replace(page.find(kReportDataMark), sizeof(kReportDataMark) - 1, data);
   WriteFile(path, page);
 }
 
