@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
-#include <utility>
 
 #include <glog/logging.h>
 #include <nlohmann/json.hpp>

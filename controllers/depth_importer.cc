@@ -13,7 +13,6 @@
 #include "estimators/median.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iomanip>
 #include <map>

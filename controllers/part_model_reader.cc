@@ -5,7 +5,6 @@
 #include <sstream>
 #include <stdexcept>
 #include <unordered_map>
-#include <utility>
 
 namespace dgsfm {
 

@@ -9,7 +9,6 @@
 #include <colmap/util/bitmap.h>
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>

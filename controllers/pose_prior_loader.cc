@@ -10,8 +10,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
-#include <map>
 #include <sstream>
 #include <stdexcept>
 

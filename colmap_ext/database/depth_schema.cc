@@ -1,7 +1,5 @@
 #include "colmap_ext/database/depth_schema.h"
 
-#include <string>
-
 namespace dgsfm {
 namespace {
 

@@ -2,8 +2,6 @@
 
 #include "colmap_ext/database/scene_database.h"
 
-#include <utility>
-
 namespace dgsfm {
 
 FeatureCache::FeatureCache(const std::string& database_path,

@@ -2,7 +2,6 @@
 
 #include "colmap_ext/database/sqlite.h"
 
-#include <cmath>
 #include <fstream>
 #include <set>
 #include <stdexcept>

@@ -3,7 +3,6 @@
 #include "colmap_ext/check.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <Eigen/Cholesky>
 

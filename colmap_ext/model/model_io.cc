@@ -12,7 +12,6 @@
 #include <set>
 #include <sstream>
 #include <stdexcept>
-#include <utility>
 
 namespace dgsfm {
 namespace {

@@ -5,7 +5,6 @@
 #include "controllers/output_folder.h"
 #include "controllers/report/base64.h"
 
-#include <algorithm>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>

@@ -2,7 +2,6 @@
 
 #include "colmap_ext/cancellation.h"
 #include "colmap_ext/check.h"
-#include "estimators/median.h"
 #include "estimators/option_check.h"
 #include "estimators/up_direction.h"
 

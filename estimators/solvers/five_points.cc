@@ -3,7 +3,6 @@
 #include "estimators/solvers/polynomial_lanes.h"
 
 #include <cmath>
-#include <utility>
 
 #include <Eigen/Geometry>
 

@@ -8,7 +8,6 @@
 #include <iomanip>
 #include <sstream>
 #include <string>
-#include <vector>
 
 #include <glog/logging.h>
 

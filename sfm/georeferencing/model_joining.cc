@@ -4,7 +4,6 @@
 #include "sfm/mapping/model_access.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <optional>
 #include <set>

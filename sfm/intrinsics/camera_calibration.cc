@@ -5,7 +5,6 @@
 #include "sfm/intrinsics/camera_groups.h"
 #include "sfm/intrinsics/prior_trust.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace dgsfm {
