@@ -43,7 +43,6 @@ class ReducedSystem {
   // Analyses the sparse factor, however few columns there are.
   static FactorAnalysis AnalyzeFactor(int num_columns, const Pattern& pattern);
 
-  int NumColumns() const { return num_columns_; }
   // Place of the entry of two columns, in either order, among the values. It
   // stands for both entries of the symmetric matrix.
   int64_t EntryOf(int column1, int column2) const {

@@ -3,16 +3,12 @@
 
 #pragma once
 
+#include "estimators/rotation_vector.h"
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 namespace dgsfm {
-
-inline Eigen::Matrix3d CrossProductMatrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return matrix;
-}
 
 // X2 = rotation * X1 + translation in camera frames 1 and 2; the point of a
 // match lies at depth1 * (x1 / focal1, 1) in frame 1 and at
@@ -33,7 +29,7 @@ struct TwoViewModel {
   }
 
   Eigen::Matrix3d EssentialMatrix() const {
-    return CrossProductMatrix(translation) * rotation;
+    return CrossMatrix(translation) * rotation;
   }
 
   // (x2, 1)^T F (x1, 1) = 0 for image points relative to the principal points.

@@ -27,7 +27,7 @@ Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
     const TwoViewModel& model) {
   const Eigen::Vector3d k1(1 / model.focal1, 1 / model.focal1, 1);
   const Eigen::Vector3d k2(1 / model.focal2, 1 / model.focal2, 1);
-  const Eigen::Matrix3d cross_t = CrossProductMatrix(model.translation);
+  const Eigen::Matrix3d cross_t = CrossMatrix(model.translation);
   Eigen::Matrix<double, 9, kNumTwoViewParams> jacobian;
   jacobian.setZero();
   const auto column = [&](int k) {
@@ -35,7 +35,7 @@ Eigen::Matrix<double, 9, kNumTwoViewParams> FundamentalMatrixJacobian(
   };
   for (int k = 0; k < 3; ++k) {
     const Eigen::Matrix3d axis_R =
-        CrossProductMatrix(Eigen::Vector3d::Unit(k)) * model.rotation;
+        CrossMatrix(Eigen::Vector3d::Unit(k)) * model.rotation;
     column(k) = k2.asDiagonal() * (cross_t * axis_R) * k1.asDiagonal();
     column(3 + k) = k2.asDiagonal() * axis_R * k1.asDiagonal();
   }
@@ -71,7 +71,7 @@ TwoViewMatrix InverseJacobian(const TwoViewModel& model) {
   TwoViewMatrix jacobian = TwoViewMatrix::Zero();
   jacobian.topLeftCorner<3, 3>() = -inverse_rotation;
   jacobian.block<3, 3>(3, 0) =
-      -inverse_rotation * CrossProductMatrix(model.translation) / model.scale;
+      -inverse_rotation * CrossMatrix(model.translation) / model.scale;
   jacobian.block<3, 3>(3, 3) = -inverse_rotation / model.scale;
   jacobian.block<3, 1>(3, kLogScaleParam) =
       inverse_rotation * model.translation / model.scale;
