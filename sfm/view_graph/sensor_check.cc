@@ -2,6 +2,7 @@
 
 #include "estimators/averaging/median_rotation.h"
 #include "estimators/median.h"
+#include "estimators/optimization/ray_intersection.h"
 
 #include <algorithm>
 #include <cmath>
@@ -38,10 +39,6 @@ constexpr int kNumAlignmentRounds = 5;
 using SensorPair = std::pair<colmap::camera_t, colmap::camera_t>;
 
 double DegFromRad(double angle_rad) { return angle_rad * 180 / M_PI; }
-
-double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return DegFromRad(std::atan2(a.cross(b).norm(), a.dot(b)));
-}
 
 // The same direction as two cameras see it.
 struct SharedDirection {
