@@ -47,7 +47,8 @@ size_t MoveStuckPoints(colmap::Reconstruction* model);
 
 // Removes points whose rays enclose less than the error of a key point, so that
 // any large distance fits, from a finished model; of a model whose images share
-// a centre, points have no other distance. Returns the number of points removed.
+// a centre, points have no other distance. Returns the number of points
+// removed.
 size_t RemovePointsWithoutDistance(colmap::Reconstruction* model);
 
 // Whether all registered images, at least two, have the same centre, up to
