@@ -128,8 +128,8 @@ void BindMapper(DepthGlobalMapperOptions* options,
            "fewer")
       .Add("refine_sensor_from_rig",
            &options->refine_sensor_from_rig,
-           "whether known poses of cameras in their rigs are refined; unknown "
-           "ones always are")
+           "whether known poses of cameras in their rigs stay refined; unknown "
+           "ones, and those that the model contradicts, always do")
       .Add("multiple_models",
            &options->multiple_models,
            "one model per connected component, else only the largest");

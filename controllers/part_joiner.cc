@@ -21,6 +21,7 @@
 #include <iostream>
 #include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include <glog/logging.h>
@@ -293,7 +294,8 @@ void BindOptions(PartJoinerOptions* options, CommandOptions* command_options) {
   command_options->Add("refine_sensor_from_rig",
                        &options->refine_sensor_from_rig,
                        "whether known poses of cameras in their rigs are those "
-                       "of the parts; unknown ones always are");
+                       "of the parts; unknown ones, and those that the parts "
+                       "contradict, always are");
   BindPositions(options, command_options);
   BindJoining(&options->joining, command_options);
   BindAdjustment(&options->adjustment, command_options);

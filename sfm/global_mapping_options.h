@@ -33,8 +33,8 @@ struct DepthGlobalMapperOptions {
   // Whether images of one camera entry that turn out to have focal lengths of
   // their own get cameras of their own.
   bool split_cameras = true;
-  // Whether known poses of cameras in their rigs are refined; unknown ones
-  // always are.
+  // Whether known poses of cameras in their rigs stay refined; unknown ones,
+  // and those that the model contradicts, always do.
   bool refine_sensor_from_rig = false;
   // Whether the repeatability of the models is measured, see
   // SplitHalfRepeatability.

@@ -3,7 +3,6 @@
 #pragma once
 
 #include "colmap_ext/scene.h"
-#include "sfm/intrinsics/intrinsics_prior.h"
 
 #include <colmap/util/alignment.h>
 

@@ -9,6 +9,7 @@
 #include "sfm/mapping/metric_scale.h"
 #include "sfm/mapping/model_adjustment.h"
 #include "sfm/mapping/model_completion.h"
+#include "sfm/mapping/rig_model.h"
 #include "sfm/mapping/sensor_calibration.h"
 #include "sfm/mapping/shared_center.h"
 #include "sfm/mapping/split_half.h"
@@ -114,12 +115,7 @@ ModelInProgress CreateProgress(const MappingContext& context,
       context.options.refinement.bundle_adjustment.loss_scale_px;
 
   progress.rigs.frames = context.frames;
-  progress.rigs.refined_cameras =
-      CamerasToCalibrate(context.scene.rigs, /*all=*/true);
-  for (const colmap::camera_t unknown :
-       CamerasToCalibrate(context.scene.rigs, /*all=*/false)) {
-    progress.rigs.refined_cameras.erase(unknown);
-  }
+  progress.rigs.refined_cameras = KnownSensors(context.scene.rigs);
   progress.rigs.fix_scale = !context.options.refine_sensor_from_rig &&
                             HasBaseline(context.frames, image_ids);
   return progress;

@@ -75,20 +75,43 @@ RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
   return calibrated;
 }
 
-std::set<colmap::camera_t> TurnedSensors(const colmap::Reconstruction& model,
-                                         const RigScene& rigs) {
-  const RigScene found =
-      CalibrateRigs(CamerasToCalibrate(rigs, /*all=*/true), model, rigs);
-  std::set<colmap::camera_t> turned;
+std::set<colmap::camera_t> KnownSensors(const RigScene& rigs) {
+  std::set<colmap::camera_t> camera_ids;
   for (const auto& [rig_id, rig] : rigs.rigs) {
     for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
-      if (!cam_from_rig) continue;
-      const Eigen::Quaterniond& rotation =
-          found.rigs.at(rig_id).cam_from_rig.at(camera_id)->rotation;
-      if (cam_from_rig->rotation.angularDistance(rotation) > kMaxHeldAngle) {
-        turned.insert(camera_id);
+      if (cam_from_rig && camera_id != rig.ref_camera_id) {
+        camera_ids.insert(camera_id);
       }
     }
+  }
+  return camera_ids;
+}
+
+std::map<colmap::camera_t, SensorError> SensorErrors(
+    const std::set<colmap::camera_t>& camera_ids,
+    const colmap::Reconstruction& model,
+    const RigScene& rigs) {
+  const RigScene found = CalibrateRigs(camera_ids, model, rigs);
+  std::map<colmap::camera_t, SensorError> errors;
+  for (const auto& [rig_id, rig] : rigs.rigs) {
+    for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
+      if (camera_ids.count(camera_id) == 0) continue;
+      const Rigid3d& pose = *found.rigs.at(rig_id).cam_from_rig.at(camera_id);
+      errors[camera_id] = {
+          cam_from_rig->rotation.angularDistance(pose.rotation),
+          (cam_from_rig->TargetOriginInSource() - pose.TargetOriginInSource())
+              .norm()};
+    }
+  }
+  return errors;
+}
+
+std::set<colmap::camera_t> TurnedSensors(const colmap::Reconstruction& model,
+                                         const RigScene& rigs) {
+  std::set<colmap::camera_t> turned;
+  for (const auto& [camera_id, error] :
+       SensorErrors(KnownSensors(rigs), model, rigs)) {
+    if (error.rotation_rad > kMaxHeldAngle) turned.insert(camera_id);
   }
   return turned;
 }

@@ -9,6 +9,8 @@
 
 #include <colmap/base/reconstruction.h>
 
+#include <map>
+#include <optional>
 #include <set>
 
 namespace dgsfm {
@@ -19,6 +21,21 @@ namespace dgsfm {
 RigScene CalibrateRigs(const std::set<colmap::camera_t>& camera_ids,
                        const colmap::Reconstruction& model,
                        const RigScene& rigs);
+
+// Cameras whose pose in their rig is known, references aside.
+std::set<colmap::camera_t> KnownSensors(const RigScene& rigs);
+
+// How far a camera is from where its rig has it.
+struct SensorError {
+  double rotation_rad = 0;
+  double center = 0;  // [unit of the rig]
+};
+
+// The errors of given poses of cameras by a model in the unit of the rigs.
+std::map<colmap::camera_t, SensorError> SensorErrors(
+    const std::set<colmap::camera_t>& camera_ids,
+    const colmap::Reconstruction& model,
+    const RigScene& rigs);
 
 // Cameras of known pose, references aside, that a model has turned in their
 // rig: models hold the others to rounding.

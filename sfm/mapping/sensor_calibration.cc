@@ -25,66 +25,26 @@ constexpr double kMaxExcessRatio = 5;
 // Errors below this are those of the solver [px].
 constexpr double kMinErrorPx = 0.01;
 
+using Errors = std::map<colmap::camera_t, SensorError>;
+
 // Known cameras with an image in the model, references aside.
-std::set<colmap::camera_t> KnownSensors(const MappingContext& context,
-                                        const colmap::Reconstruction& model) {
+std::set<colmap::camera_t> KnownSensorsOf(const MappingContext& context,
+                                          const colmap::Reconstruction& model) {
+  const std::set<colmap::camera_t> known = KnownSensors(context.scene.rigs);
   std::set<colmap::camera_t> with_images;
   for (const auto& [image_id, member] : context.frames) {
-    if (IsRegistered(model, image_id)) with_images.insert(member.camera_id);
-  }
-  std::set<colmap::camera_t> known;
-  for (const auto& [rig_id, rig] : context.scene.rigs.rigs) {
-    for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
-      if (cam_from_rig && camera_id != rig.ref_camera_id &&
-          with_images.count(camera_id) > 0) {
-        known.insert(camera_id);
-      }
+    if (IsRegistered(model, image_id) && known.count(member.camera_id) > 0) {
+      with_images.insert(member.camera_id);
     }
   }
-  return known;
-}
-
-std::map<colmap::camera_t, Rigid3d> PosesOf(const RigScene& rigs) {
-  std::map<colmap::camera_t, Rigid3d> poses;
-  for (const auto& [rig_id, rig] : rigs.rigs) {
-    for (const auto& [camera_id, cam_from_rig] : rig.cam_from_rig) {
-      if (cam_from_rig) poses[camera_id] = *cam_from_rig;
-    }
-  }
-  return poses;
-}
-
-// How far a camera is from where its rig has it.
-struct SensorError {
-  double rotation_deg = 0;
-  double center = 0;  // [unit of the rig]
-};
-using SensorErrors = std::map<colmap::camera_t, SensorError>;
-
-// The errors of given poses by a model in the unit of the rigs.
-SensorErrors ErrorsOf(const MappingContext& context,
-                      const std::set<colmap::camera_t>& camera_ids,
-                      const colmap::Reconstruction& model) {
-  const auto given = PosesOf(context.scene.rigs);
-  const auto found =
-      PosesOf(CalibrateRigs(camera_ids, model, context.scene.rigs));
-  SensorErrors errors;
-  for (const colmap::camera_t camera_id : camera_ids) {
-    const Rigid3d& pose = given.at(camera_id);
-    const Rigid3d& found_pose = found.at(camera_id);
-    errors[camera_id] = {
-        pose.rotation.angularDistance(found_pose.rotation) * 180 / M_PI,
-        (pose.TargetOriginInSource() - found_pose.TargetOriginInSource())
-            .norm()};
-  }
-  return errors;
+  return with_images;
 }
 
 // Takes out the camera whose rotation is farthest off.
-void FreeWorst(const SensorErrors& errors, std::set<colmap::camera_t>* held) {
+void FreeWorst(const Errors& errors, std::set<colmap::camera_t>* held) {
   colmap::camera_t worst = *held->begin();
   for (const colmap::camera_t camera_id : *held) {
-    if (errors.at(camera_id).rotation_deg > errors.at(worst).rotation_deg) {
+    if (errors.at(camera_id).rotation_rad > errors.at(worst).rotation_rad) {
       worst = camera_id;
     }
   }
@@ -112,7 +72,7 @@ bool AdjustHeld(const MappingContext& context,
       .has_value();
 }
 
-void WarnOfSensors(const SensorErrors& errors,
+void WarnOfSensors(const Errors& errors,
                    const std::set<colmap::camera_t>& held,
                    MappingLog* log) {
   for (const auto& [camera_id, error] : errors) {
@@ -120,7 +80,8 @@ void WarnOfSensors(const SensorErrors& errors,
     std::ostringstream text;
     text << std::setprecision(2) << "The pose of camera " << camera_id
          << " in its rig contradicts the model, where it is turned by "
-         << error.rotation_deg << " degrees and moved by " << error.center
+         << error.rotation_rad * 180 / M_PI << " degrees and moved by "
+         << error.center
          << " (unit of the rig): it is refined. Check the calibration of the "
             "rig";
     log->Warn(text.str());
@@ -145,7 +106,7 @@ bool CalibrateSensors(const MappingContext& context,
 bool HoldSensors(const MappingContext& context,
                  ModelInProgress* progress,
                  MappingLog* log) {
-  std::set<colmap::camera_t> held = KnownSensors(context, progress->model);
+  std::set<colmap::camera_t> held = KnownSensorsOf(context, progress->model);
   if (held.empty() || context.options.refine_sensor_from_rig ||
       context.options.skip_bundle_adjustment) {
     return true;
@@ -159,7 +120,7 @@ bool HoldSensors(const MappingContext& context,
   const double cost_of_param = std::max(
       refined_cost / double(2 * progress->model.ComputeNumObservations()),
       kMinErrorPx * kMinErrorPx / 2);
-  const SensorErrors errors = ErrorsOf(context, held, progress->model);
+  const Errors errors = SensorErrors(held, progress->model, context.scene.rigs);
   std::optional<ModelInProgress> best;
   for (; !held.empty(); FreeWorst(errors, &held)) {
     ModelInProgress trial = *progress;

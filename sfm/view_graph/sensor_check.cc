@@ -76,31 +76,51 @@ void AddRotation(const FrameMember& member1,
   }
 }
 
-// Rotations by pairs within frames, and by two pairs of a third image.
-void CompareRotations(const FrameMembers& members,
-                      const PairGeometries& pairs,
-                      Comparisons* comparisons) {
-  std::map<std::pair<colmap::image_t, frame_t>, std::vector<Neighbor>>
-      neighbors;
+// A valid pair and where its images are in frames, null for one in none.
+struct MemberPair {
+  colmap::image_t image_id1 = colmap::kInvalidImageId;
+  colmap::image_t image_id2 = colmap::kInvalidImageId;
+  const FrameMember* member1 = nullptr;
+  const FrameMember* member2 = nullptr;
+  const PairGeometry* pair = nullptr;
+};
+
+std::vector<MemberPair> ValidPairsOf(const FrameMembers& members,
+                                     const PairGeometries& pairs) {
+  const auto member_of = [&](colmap::image_t image_id) {
+    const auto member = members.find(image_id);
+    return member == members.end() ? nullptr : &member->second;
+  };
+  std::vector<MemberPair> valid;
   for (const auto& [pair_id, pair] : pairs) {
     if (pair.status != PairStatus::VALID) continue;
     const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    const auto member1 = members.find(image_id1);
-    const auto member2 = members.find(image_id2);
-    const bool are_members =
-        member1 != members.end() && member2 != members.end();
-    const Eigen::Quaterniond& rotation = pair.cam2_from_cam1.rotation;
-    if (are_members && member1->second.frame_id == member2->second.frame_id) {
-      AddRotation(member1->second, member2->second, rotation, comparisons);
+    valid.push_back({image_id1,
+                     image_id2,
+                     member_of(image_id1),
+                     member_of(image_id2),
+                     &pair});
+  }
+  return valid;
+}
+
+// Rotations by pairs within frames, and by two pairs of a third image.
+void CompareRotations(const std::vector<MemberPair>& pairs,
+                      Comparisons* comparisons) {
+  std::map<std::pair<colmap::image_t, frame_t>, std::vector<Neighbor>>
+      neighbors;
+  for (const auto& [image_id1, image_id2, member1, member2, pair] : pairs) {
+    const Eigen::Quaterniond& rotation = pair->cam2_from_cam1.rotation;
+    if (member1 && member2 && member1->frame_id == member2->frame_id) {
+      AddRotation(*member1, *member2, rotation, comparisons);
       continue;
     }
-    if (member2 != members.end()) {
-      neighbors[{image_id1, member2->second.frame_id}].push_back(
-          {&member2->second, rotation});
+    if (member2) {
+      neighbors[{image_id1, member2->frame_id}].push_back({member2, rotation});
     }
-    if (member1 != members.end()) {
-      neighbors[{image_id2, member1->second.frame_id}].push_back(
-          {&member1->second, rotation.conjugate()});
+    if (member1) {
+      neighbors[{image_id2, member1->frame_id}].push_back(
+          {member1, rotation.conjugate()});
     }
   }
   for (const auto& [key, images] : neighbors) {
@@ -116,50 +136,40 @@ void CompareRotations(const FrameMembers& members,
   }
 }
 
-// The axis of the rotation of a pair and, if it hardly turns, the direction in
-// which it moves.
+// The axis of the rotation of a camera and, if it hardly turns, the direction
+// in which it moves.
 struct Motion {
   std::optional<Eigen::Vector3d> axis;
   std::optional<Eigen::Vector3d> direction;
 };
 
-Motion MotionOf(const PairGeometry& pair) {
+Motion MotionOf(const Rigid3d& cam2_from_cam1, bool is_rotation_only) {
   Motion motion;
-  const Eigen::AngleAxisd turn(pair.cam2_from_cam1.rotation);
+  const Eigen::AngleAxisd turn(cam2_from_cam1.rotation);
   const double turn_deg = DegFromRad(turn.angle());
   if (turn_deg >= kTurnDeg) motion.axis = turn.axis();
-  if (turn_deg <= kTurnDeg && !pair.Has(PairDegeneracy::ROTATION_ONLY) &&
-      pair.cam2_from_cam1.translation.norm() > 0) {
-    motion.direction = pair.cam2_from_cam1.translation.normalized();
+  if (turn_deg <= kTurnDeg && !is_rotation_only &&
+      cam2_from_cam1.translation.norm() > 0) {
+    motion.direction = cam2_from_cam1.translation.normalized();
   }
   return motion;
 }
 
 // Motions of cameras between the same two frames.
-void CompareMotions(const FrameMembers& members,
-                    const PairGeometries& pairs,
+void CompareMotions(const std::vector<MemberPair>& pairs,
                     Comparisons* comparisons) {
   std::map<std::pair<frame_t, frame_t>, std::map<colmap::camera_t, Motion>>
       motions;
-  for (const auto& [pair_id, pair] : pairs) {
-    if (pair.status != PairStatus::VALID) continue;
-    const auto [image_id1, image_id2] = ImageIdsOfPair(pair_id);
-    const auto member1 = members.find(image_id1);
-    const auto member2 = members.find(image_id2);
-    if (member1 == members.end() || member2 == members.end() ||
-        member1->second.camera_id != member2->second.camera_id) {
+  for (const auto& [image_id1, image_id2, member1, member2, pair] : pairs) {
+    if (!member1 || !member2 || member1->camera_id != member2->camera_id) {
       continue;
     }
-    frame_t frame1 = member1->second.frame_id;
-    frame_t frame2 = member2->second.frame_id;
-    PairGeometry ordered;
-    ordered.cam2_from_cam1 = pair.cam2_from_cam1;
-    ordered.degeneracies = pair.degeneracies;
-    if (frame1 > frame2) {
-      std::swap(frame1, frame2);
-      ordered.cam2_from_cam1 = pair.cam2_from_cam1.Inverse();
-    }
-    motions[{frame1, frame2}][member1->second.camera_id] = MotionOf(ordered);
+    const std::pair<frame_t, frame_t> frames =
+        std::minmax(member1->frame_id, member2->frame_id);
+    motions[frames][member1->camera_id] = MotionOf(
+        frames.first == member1->frame_id ? pair->cam2_from_cam1
+                                          : pair->cam2_from_cam1.Inverse(),
+        pair->Has(PairDegeneracy::ROTATION_ONLY));
   }
   for (const auto& [frames, cameras] : motions) {
     for (auto camera2 = cameras.begin(); camera2 != cameras.end(); ++camera2) {
@@ -308,6 +318,32 @@ std::optional<colmap::camera_t> MostContradicted(
   return worst;
 }
 
+// Takes the judgements of a camera out, by that which rests on most comparisons
+// of those that contradict it.
+ContradictedSensor TakeOut(colmap::camera_t camera_id,
+                           std::map<SensorPair, Judgement>* judgements) {
+  ContradictedSensor sensor;
+  sensor.camera_id = camera_id;
+  size_t max_num_comparisons = 0;
+  for (auto it = judgements->begin(); it != judgements->end();) {
+    const auto& [camera_ids, judgement] = *it;
+    if (camera_ids.first != camera_id && camera_ids.second != camera_id) {
+      ++it;
+      continue;
+    }
+    if (judgement.contradicts &&
+        judgement.num_comparisons > max_num_comparisons) {
+      max_num_comparisons = judgement.num_comparisons;
+      sensor.error_deg = judgement.error_deg;
+      sensor.by_motion = judgement.by_motion;
+      sensor.other_camera_id =
+          camera_ids.first == camera_id ? camera_ids.second : camera_ids.first;
+    }
+    it = judgements->erase(it);
+  }
+  return sensor;
+}
+
 std::string DescribeSensor(const ContradictedSensor& sensor) {
   std::ostringstream text;
   text << std::setprecision(3) << "The pose of camera " << sensor.camera_id
@@ -326,34 +362,15 @@ std::vector<ContradictedSensor> FindContradictedSensors(
   const FrameMembers members = MembersOf(scene.rigs);
   std::vector<ContradictedSensor> contradicted;
   if (members.empty()) return contradicted;
+  const std::vector<MemberPair> valid_pairs = ValidPairsOf(members, pairs);
   Comparisons comparisons;
-  CompareRotations(members, pairs, &comparisons);
-  CompareMotions(members, pairs, &comparisons);
+  CompareRotations(valid_pairs, &comparisons);
+  CompareMotions(valid_pairs, &comparisons);
   for (const auto& [rig_id, rig] : scene.rigs.rigs) {
     auto judgements = JudgeSensors(scene, rig, comparisons);
     while (const auto camera_id =
                MostContradicted(judgements, rig.ref_camera_id)) {
-      ContradictedSensor sensor;
-      sensor.camera_id = *camera_id;
-      size_t max_num_comparisons = 0;
-      for (auto it = judgements.begin(); it != judgements.end();) {
-        const auto& [camera_ids, judgement] = *it;
-        if (camera_ids.first != *camera_id && camera_ids.second != *camera_id) {
-          ++it;
-          continue;
-        }
-        if (judgement.contradicts &&
-            judgement.num_comparisons > max_num_comparisons) {
-          max_num_comparisons = judgement.num_comparisons;
-          sensor.error_deg = judgement.error_deg;
-          sensor.by_motion = judgement.by_motion;
-          sensor.other_camera_id = camera_ids.first == *camera_id
-                                       ? camera_ids.second
-                                       : camera_ids.first;
-        }
-        it = judgements.erase(it);
-      }
-      contradicted.push_back(sensor);
+      contradicted.push_back(TakeOut(*camera_id, &judgements));
     }
   }
   return contradicted;
